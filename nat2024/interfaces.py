@@ -1,0 +1,281 @@
+"""What an enhancer and a tracker are; base classes that leave an author one method each.
+
+An enhancer sees no tracker, and a tracker sees at most a thing with `enhance_batch`: N + M
+adapters make N x M combinations.
+"""
+
+from abc import ABC, abstractmethod
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol, TypeAlias, runtime_checkable
+
+import numpy as np
+
+from nat2024.cards import Card
+from nat2024.errors import ArrayContract, InvalidOption
+from nat2024.images import batch_to_image, check_batch, check_image, image_to_batch
+from nat2024.types import Box, Image
+from nat2024.zoo import Weights, WeightsSpec, find_weights, fit_state_dict, read_checkpoint
+
+if TYPE_CHECKING:
+    import torch
+
+Scope: TypeAlias = Literal["patch", "frame"]
+"""What is enhanced: the tracker's template and search crops, or the whole frame."""
+
+
+@runtime_checkable
+class BatchEnhancer(Protocol):
+    """All that a tracker asks of an enhancer."""
+
+    def enhance_batch(self, batch: "torch.Tensor", /) -> "torch.Tensor":
+        """float32 (N, 3, H, W) in 0..1 to the same shape and range."""
+        ...
+
+
+class Enhancer:
+    """A low-light enhancer. Write either `enhance` or `enhance_batch`; the other follows.
+
+    Attributes:
+        name: registered name, set by `register_enhancer`.
+        card: what it is and whose work it is.
+        device: where batches live.
+        weights: what it was created with, None for methods without weights.
+    """
+
+    name: ClassVar[str] = ""
+    card: ClassVar[Card]
+    device: str
+    weights: Weights | None = None
+
+    def __init__(self, *, device: str = "cpu") -> None:
+        self.device = device
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        if cls.enhance is Enhancer.enhance and cls.enhance_batch is Enhancer.enhance_batch:
+            msg = f"{cls.__name__} must define enhance or enhance_batch"
+            raise TypeError(msg)
+
+    def enhance(self, image: Image, *, bgr: bool = False) -> Image:
+        """Enhance one image, uint8 (H, W, 3) to uint8 (H, W, 3), rounded to nearest.
+
+        The method sees RGB, as the authors' stand-alone tests feed it.
+
+        Args:
+            image: any height and width of at least 1; not modified.
+            bgr: whether `image` (and the answer) is in BGR order, as OpenCV reads it.
+
+        Raises:
+            ArrayContract: `image` is not uint8 (H, W, 3).
+        """
+        batch = image_to_batch(check_image(image), self.device, reverse=bgr)
+        return batch_to_image(self.enhance_batch(batch), reverse=bgr)
+
+    def enhance_batch(self, batch: "torch.Tensor") -> "torch.Tensor":
+        """Enhance float32 (N, 3, H, W) in 0..1, channels fed in the order given.
+
+        Trackers call it on BGR crops, or on the BGR frame where the scope is "frame".
+
+        Raises:
+            ArrayContract: `batch` is not float32 (N, 3, H, W).
+        """
+        import torch
+
+        check_batch(batch)
+        images = [self.enhance(batch_to_image(one.unsqueeze(0))) for one in batch]
+        return torch.cat([image_to_batch(image, batch.device) for image in images])
+
+
+class NeuralEnhancer(Enhancer, ABC):
+    """An enhancer with a network: pads to the network's stride, runs it, cuts back, clamps.
+
+    A subclass gives `build` (the network), `forward` (padded batch to enhanced batch) and `stride`.
+    Nothing derived from the weights is kept between calls unless `derive` makes it: a state dict
+    loaded into `.model` takes effect at the next call.
+    """
+
+    stride: ClassVar[int] = 1
+
+    def __init__(
+        self,
+        *,
+        weights: WeightsSpec = None,
+        device: str = "cpu",
+        clamp: bool = True,
+        channel_order: Literal["as_given", "rgb"] = "as_given",
+    ) -> None:
+        """Build the network and load its weights.
+
+        Args:
+            weights: a checkpoint path, False for fresh initial weights, None for the best at hand.
+            device: where the network runs, such as "cpu" or "cuda:1".
+            clamp: whether outputs are limited to 0..1; False gives the raw network output.
+            channel_order: what `enhance_batch` feeds the network: "as_given", or "rgb" for
+                batches that come in BGR and are turned before and after the network.
+        """
+        super().__init__(device=device)
+        self.clamp = clamp
+        self.channel_order = channel_order
+        self.weights = find_weights(self.name, weights, self.card)
+        model = self.build()
+        load_weights(model, self.weights)
+        self.model: torch.nn.Module = model.to(device).eval()
+
+    @abstractmethod
+    def build(self) -> "torch.nn.Module":
+        """The network, with the official checkpoint's keys and shapes."""
+
+    @abstractmethod
+    def forward(self, batch: "torch.Tensor") -> "torch.Tensor":
+        """Enhance a batch whose sides are multiples of `stride`; no clamp."""
+
+    def forward_maps(self, batch: "torch.Tensor") -> "dict[str, torch.Tensor]":
+        """Intermediate maps of a batch whose sides are multiples of `stride`; none by default."""
+        return {}
+
+    def enhance(self, image: Image, *, bgr: bool = False) -> Image:
+        """Enhance one image; see `Enhancer.enhance`. The network sees RGB."""
+        batch = image_to_batch(check_image(image), self.device, reverse=bgr)
+        return batch_to_image(self._run(batch), reverse=bgr)
+
+    def enhance_batch(self, batch: "torch.Tensor") -> "torch.Tensor":
+        """Enhance a batch; see `Enhancer.enhance_batch`."""
+        check_batch(batch)
+        if self.channel_order == "rgb":
+            return self._run(batch.flip(1)).flip(1)
+        return self._run(batch)
+
+    def maps(self, batch: "torch.Tensor") -> "dict[str, torch.Tensor]":
+        """Intermediate maps of the network at padded size, channels fed in the order given."""
+        import torch
+
+        check_batch(batch)
+        with torch.inference_mode():
+            return self.forward_maps(pad_to_multiple(batch.to(self.device), self.stride))
+
+    def _run(self, batch: "torch.Tensor") -> "torch.Tensor":
+        import torch
+
+        height, width = batch.shape[-2:]
+        with torch.inference_mode():
+            padded = pad_to_multiple(batch.to(self.device), self.stride)
+            enhanced = self.forward(padded)[..., :height, :width]
+            return enhanced.clamp(0.0, 1.0) if self.clamp else enhanced.contiguous()
+
+
+def pad_to_multiple(batch: "torch.Tensor", multiple: int) -> "torch.Tensor":
+    """Pad right and bottom up to a multiple: by reflection, an axis too short for it by replication."""
+    import torch.nn.functional as F
+
+    for axis in (-1, -2):
+        size = batch.shape[axis]
+        extra = -size % multiple
+        if extra:
+            mode = "reflect" if extra < size else "replicate"
+            pads = (0, extra, 0, 0) if axis == -1 else (0, 0, 0, extra)
+            batch = F.pad(batch, pads, mode=mode)
+    return batch
+
+
+def load_weights(model: "torch.nn.Module", weights: Weights) -> None:
+    """Load `weights` into `model`; nothing for fresh weights.
+
+    Raises:
+        WeightsMismatch: the file is unsafe, unreadable or of another network.
+    """
+    if weights.path is None:
+        return
+    state = read_checkpoint(weights.path)
+    fitting = fit_state_dict(state, model.state_dict(), str(weights.path))
+    model.load_state_dict({**model.state_dict(), **fitting})
+
+
+class Tracker(ABC):
+    """A single-object tracker. Write `start` and `advance`.
+
+    Attributes:
+        name: registered name, set by `register_tracker`.
+        card: what it is and whose work it is; `card.scopes` says which scopes it can do.
+        enhancer: applied to the crops or to the frame, None for the plain tracker.
+        scope: "patch" or "frame".
+        weights: what it was created with, None for methods without weights.
+    """
+
+    name: ClassVar[str] = ""
+    card: ClassVar[Card]
+    weights: Weights | None = None
+
+    def __init__(
+        self,
+        *,
+        enhancer: BatchEnhancer | None = None,
+        device: str = "cpu",
+        scope: Scope | None = None,
+    ) -> None:
+        """Keep what all trackers share.
+
+        Args:
+            enhancer: anything with `enhance_batch`.
+            device: where networks run.
+            scope: what is enhanced; None takes the tracker's own default, the card's first.
+
+        Raises:
+            InvalidOption: the tracker cannot do that scope.
+        """
+        self.scope: Scope = scope or self.card.scopes[0]
+        if self.scope not in self.card.scopes:
+            msg = f"{self.name} takes only scope={' or '.join(self.card.scopes)}, not {scope}"
+            raise InvalidOption(msg)
+        self.enhancer = enhancer
+        self.device = device
+
+    def init(self, image: Image, box: Any) -> Box:
+        """Start on a frame.
+
+        Args:
+            image: uint8 (H, W, 3) BGR.
+            box: x, y, w, h as annotated, 0-based pixels, floats allowed.
+
+        Returns:
+            The float64 (4,) box that results hold as row 0.
+
+        Raises:
+            ArrayContract: the image is no image, or the box is not four finite numbers with a
+                size above zero that touch the image.
+        """
+        check_image(image)
+        return self.start(self._enhance_frame(image), check_start_box(box, image))
+
+    def update(self, image: Image) -> tuple[Box, float]:
+        """Follow the target into the next frame, uint8 (H, W, 3) BGR; gives (box, score)."""
+        return self.advance(self._enhance_frame(check_image(image)))
+
+    @abstractmethod
+    def start(self, image: Image, box: Box) -> Box:
+        """Forget everything and start on this (already frame-enhanced) image; see `init`."""
+
+    @abstractmethod
+    def advance(self, image: Image) -> tuple[Box, float]:
+        """Follow into this (already frame-enhanced) image; see `update`."""
+
+    def _enhance_frame(self, image: Image) -> Image:
+        if self.enhancer is None or self.scope != "frame":
+            return image
+        device = getattr(self.enhancer, "device", self.device)
+        return batch_to_image(self.enhancer.enhance_batch(image_to_batch(image, device)))
+
+
+def check_start_box(box: Any, image: Image) -> Box:
+    """Return the box as float64 (4,) if a tracker can start on it, else raise `ArrayContract`."""
+    start = np.array(box, dtype=np.float64).reshape(-1)
+    height, width = image.shape[:2]
+    if start.shape != (4,) or not np.isfinite(start).all():
+        msg = f"start box must be four finite numbers x, y, w, h, not {np.asarray(box).tolist()}"
+        raise ArrayContract(msg)
+    x, y, w, h = start
+    if w <= 0 or h <= 0:
+        msg = f"start box {start.tolist()} has no area; width and height must be above 0"
+        raise ArrayContract(msg)
+    if x >= width or y >= height or x + w <= 0 or y + h <= 0:
+        msg = f"start box {start.tolist()} lies outside the {width}x{height} image"
+        raise ArrayContract(msg)
+    return start

@@ -1,0 +1,288 @@
+"""Finding plugins by name: entry points of installed packages, and a decorator for code at hand.
+
+Entry points are listed without importing anything; a plugin is imported when it is chosen.
+"""
+
+import importlib
+import importlib.metadata
+import importlib.util
+import inspect
+import re
+import sys
+import typing
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import Any, Literal, TypeAlias, TypeVar
+
+import msgspec
+
+from nat2024.errors import BrokenPlugin, DuplicatePlugin, InvalidOption, UnknownPlugin
+from nat2024.interfaces import BatchEnhancer, Enhancer, Tracker
+from nat2024.types import closest
+from nat2024.zoo import WeightsSpec
+
+Kind: TypeAlias = Literal["tracker", "enhancer"]
+_BASES: dict[Kind, type] = {"tracker": Tracker, "enhancer": Enhancer}
+_NAME = re.compile(r"[a-z0-9][a-z0-9_]*")
+_RESERVED = ("self", "weights", "device", "enhancer")
+_Plugin = TypeVar("_Plugin", bound=type)
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One listed plugin: its name, kind, where it comes from and how to get its class."""
+
+    name: str
+    kind: Kind
+    origin: str
+    load: Callable[[], type]
+
+
+@dataclass(frozen=True, slots=True)
+class Option:
+    """One option of a plugin, read from the signature of its class."""
+
+    name: str
+    type: Any
+    default: Any
+
+
+_registered: dict[str, Entry] = {}
+
+
+def register_enhancer(name: str, *, override: bool = False) -> Callable[[_Plugin], _Plugin]:
+    """Register an `Enhancer` class under `name` (class decorator).
+
+    Raises:
+        DuplicatePlugin: the name is taken, unless `override`.
+    """
+    return _register(name, "enhancer", override)
+
+
+def register_tracker(name: str, *, override: bool = False) -> Callable[[_Plugin], _Plugin]:
+    """Register a `Tracker` class under `name` (class decorator).
+
+    Raises:
+        DuplicatePlugin: the name is taken, unless `override`.
+    """
+    return _register(name, "tracker", override)
+
+
+def _register(name: str, kind: Kind, override: bool) -> Callable[[_Plugin], _Plugin]:
+    if not _NAME.fullmatch(name):
+        msg = f"{name!r} is no plugin name: small letters, digits and underscores only"
+        raise InvalidOption(msg)
+
+    def decorate(cls: _Plugin) -> _Plugin:
+        origin = f"{cls.__module__}:{cls.__qualname__}"
+        known = _entries().get(name)
+        if known and known.origin != origin and not override:
+            msg = f"the name {name!r} is taken twice, by {known.origin} and {origin}"
+            raise DuplicatePlugin(msg)
+        cls.name = name  # type: ignore[attr-defined]
+        _registered[name] = Entry(name, kind, origin, lambda: cls)
+        return cls
+
+    return decorate
+
+
+def _entries() -> dict[str, Entry]:
+    """Every plugin by name: entry points first, code registered in this process over them."""
+    found: dict[str, Entry] = {}
+    for kind in _BASES:
+        for point in importlib.metadata.entry_points(group=f"nat_bench.{kind}s"):
+            entry = Entry(point.name, kind, point.value, point.load)
+            other = found.get(point.name)
+            if other and other.origin != entry.origin:
+                msg = f"the name {point.name!r} is taken twice, by {other.origin} and {point.value}"
+                raise DuplicatePlugin(msg)
+            found[point.name] = entry
+    return found | _registered
+
+
+def list_plugins(kind: Kind, pattern: str = "*") -> list[str]:
+    """Sorted names of one kind that match a shell pattern; nothing is imported."""
+    entries = _entries().values()
+    return sorted(e.name for e in entries if e.kind == kind and fnmatchcase(e.name, pattern))
+
+
+def list_trackers(pattern: str = "*") -> list[str]:
+    """Sorted names of all trackers that match a shell pattern, plugins included."""
+    return list_plugins("tracker", pattern)
+
+
+def list_enhancers(pattern: str = "*") -> list[str]:
+    """Sorted names of all enhancers that match a shell pattern, plugins included."""
+    return list_plugins("enhancer", pattern)
+
+
+def load_plugin(name: str, kind: Kind) -> type[Any]:
+    """Import the class behind a name.
+
+    Raises:
+        UnknownPlugin: nothing of that kind has this name; names the closest.
+        BrokenPlugin: it cannot be imported or is no class of that kind.
+    """
+    entry = _entries().get(name)
+    if entry is None or entry.kind != kind:
+        other = f" ({name} is a {entry.kind})" if entry else closest(name, list_plugins(kind))
+        msg = f"unknown {kind} {name!r}{other}; `nat-bench list` shows all"
+        raise UnknownPlugin(msg)
+    try:
+        cls = entry.load()
+    except Exception as error:  # a foreign plugin may fail in any way
+        msg = f"{kind} {name} ({entry.origin}) cannot be imported: {type(error).__name__}: {error}"
+        raise BrokenPlugin(msg) from error
+    if not (isinstance(cls, type) and issubclass(cls, _BASES[kind])):
+        msg = f"{kind} {name} ({entry.origin}) is no subclass of {_BASES[kind].__name__}"
+        raise BrokenPlugin(msg)
+    if not cls.name:
+        msg = f"{kind} {name} ({entry.origin}) lacks its @register_{kind}({name!r}) decorator"
+        raise BrokenPlugin(msg)
+    return cls
+
+
+def load_plugin_file(source: str) -> None:
+    """Run a Python file, or import a module, whose decorators register plugins.
+
+    Raises:
+        BrokenPlugin: it is absent or fails.
+    """
+    path = Path(source)
+    try:
+        if path.suffix == ".py":
+            module_name = f"nat_bench_plugin_{path.stem}"
+            spec = importlib.util.spec_from_file_location(module_name, path)
+            if spec is None or spec.loader is None:
+                msg = f"{source} is no Python file"
+                raise BrokenPlugin(msg)
+            module = importlib.util.module_from_spec(spec)
+            sys.modules[module_name] = module
+            spec.loader.exec_module(module)
+        else:
+            importlib.import_module(source)
+    except (BrokenPlugin, DuplicatePlugin):
+        raise
+    except Exception as error:  # a foreign plugin may fail in any way
+        msg = f"plugin {source} cannot be loaded: {type(error).__name__}: {error}"
+        raise BrokenPlugin(msg) from error
+
+
+def plugin_options(cls: type) -> dict[str, Option]:
+    """The options of a plugin: keyword parameters of its class, base classes included."""
+    options: dict[str, Option] = {}
+    for base in cls.__mro__:
+        init = base.__dict__.get("__init__")
+        if init is None:
+            continue
+        hints = typing.get_type_hints(init)
+        parameters = inspect.signature(init).parameters.values()
+        for parameter in parameters:
+            named = parameter.kind is parameter.KEYWORD_ONLY and parameter.name not in _RESERVED
+            if named and parameter.name not in options:
+                kind = hints.get(parameter.name, Any)
+                options[parameter.name] = Option(parameter.name, kind, parameter.default)
+        if not any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters):
+            break
+    return options
+
+
+def resolve_options(cls: type, given: Mapping[str, Any]) -> dict[str, Any]:
+    """The full option set of a plugin: what was given, checked and converted, over the defaults.
+
+    Raises:
+        InvalidOption: an unknown option (names the closest) or a value of the wrong type.
+    """
+    options = plugin_options(cls)
+    name = getattr(cls, "name", "") or cls.__name__
+    resolved = {key: option.default for key, option in options.items()}
+    for key, value in given.items():
+        if key not in options:
+            has = f"it has {', '.join(sorted(options))}" if options else "it has none"
+            msg = f"{name} has no option {key!r}{closest(key, options)}; {has}"
+            raise InvalidOption(msg)
+        try:
+            resolved[key] = msgspec.convert(value, options[key].type, strict=False)
+        except msgspec.ValidationError as error:
+            msg = f"option {name}.{key}={value}: {str(error)[:1].lower()}{str(error)[1:]}"
+            raise InvalidOption(msg) from None
+    return resolved
+
+
+def create_enhancer(
+    name: str, *, weights: WeightsSpec = None, device: str = "cpu", **options: Any
+) -> Enhancer:
+    """Create an enhancer by name.
+
+    Args:
+        name: a registered name, such as "ldenhancer" or "none".
+        weights: a checkpoint path, False for fresh initial weights, None for what the user
+            registered or the package bundles.
+        device: "cpu", "cuda", "cuda:1".
+        options: the plugin's own options.
+
+    Raises:
+        UnknownPlugin, BrokenPlugin, InvalidOption, WeightsMissing, WeightsMismatch: each with one
+            line that says what to do.
+    """
+    cls = load_plugin(name, "enhancer")
+    created: Enhancer = cls(
+        device=device, **_weights_argument(cls, weights), **resolve_options(cls, options)
+    )
+    return created
+
+
+def create_tracker(
+    name: str,
+    *,
+    weights: WeightsSpec = None,
+    enhancer: str | BatchEnhancer | None = None,
+    device: str = "cpu",
+    **options: Any,
+) -> Tracker:
+    """Create a tracker by name.
+
+    Args:
+        name: a registered name, such as "siamrpnpp".
+        weights: as in `create_enhancer`.
+        enhancer: a name, an `Enhancer`, or any object with `enhance_batch`.
+        device: "cpu", "cuda", "cuda:1".
+        options: the plugin's own options, `scope` and others.
+
+    Raises:
+        UnknownPlugin, BrokenPlugin, InvalidOption, WeightsMissing, WeightsMismatch: each with one
+            line that says what to do.
+    """
+    cls = load_plugin(name, "tracker")
+    if isinstance(enhancer, str):
+        enhancer = create_enhancer(enhancer, device=device)
+    elif enhancer is not None and not isinstance(enhancer, BatchEnhancer):
+        msg = f"enhancer must be a name or have enhance_batch, not {type(enhancer).__name__}"
+        raise InvalidOption(msg)
+    created: Tracker = cls(
+        enhancer=enhancer,
+        device=device,
+        **_weights_argument(cls, weights),
+        **resolve_options(cls, options),
+    )
+    return created
+
+
+def takes_weights(cls: type) -> bool:
+    """Whether a plugin class has a `weights` argument."""
+    return any(
+        "weights" in inspect.signature(base.__dict__["__init__"]).parameters
+        for base in cls.__mro__
+        if "__init__" in base.__dict__ and base is not object
+    )
+
+
+def _weights_argument(cls: type, weights: WeightsSpec) -> dict[str, WeightsSpec]:
+    if takes_weights(cls):
+        return {"weights": weights}
+    if weights:
+        msg = f"{cls.name} takes no weights"  # type: ignore[attr-defined]
+        raise InvalidOption(msg)
+    return {}

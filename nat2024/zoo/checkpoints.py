@@ -1,0 +1,130 @@
+"""Reading checkpoints in every wrapper form that authors publish, without running their code."""
+
+import pickle
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+from nat2024.errors import WeightsMismatch, WeightsMissing
+
+if TYPE_CHECKING:
+    import torch
+
+StateDict: TypeAlias = "dict[str, torch.Tensor]"
+
+
+def read_checkpoint(path: str | Path) -> StateDict:
+    """Read the state dict out of a checkpoint file.
+
+    Takes safetensors files and PyTorch files, the latter with `weights_only=True`: a plain state
+    dict or one under the key `state_dict`, with or without the prefix `module.` on its keys.
+
+    Raises:
+        WeightsMissing: no such file.
+        WeightsMismatch: unreadable, unsafe, or no state dict in it.
+    """
+    path = Path(path)
+    if not path.is_file():
+        msg = f"{path}: no such weights file"
+        raise WeightsMissing(msg)
+    content = _read_safetensors(path) if path.suffix == ".safetensors" else _read_torch(path)
+    if isinstance(content, dict) and isinstance(content.get("state_dict"), dict):
+        content = content["state_dict"]
+    tensors = _tensors_of(content)
+    if not tensors:
+        msg = f"{path}: holds no state dict (a mapping of names to tensors)"
+        raise WeightsMismatch(msg)
+    return {key.removeprefix("module."): value for key, value in tensors.items()}
+
+
+def _tensors_of(content: object) -> StateDict:
+    import torch
+
+    if not isinstance(content, dict):
+        return {}
+    return {str(key): value for key, value in content.items() if isinstance(value, torch.Tensor)}
+
+
+def _read_safetensors(path: Path) -> Any:
+    from safetensors import SafetensorError
+    from safetensors.torch import load_file
+
+    try:
+        return load_file(path)
+    except (SafetensorError, OSError) as error:
+        msg = f"{path}: not a readable safetensors file ({error})"
+        raise WeightsMismatch(msg) from None
+
+
+def _read_torch(path: Path) -> Any:
+    import torch
+
+    try:
+        with torch.serialization.safe_globals(_harmless_globals()):
+            return torch.load(path, map_location="cpu", weights_only=True)
+    except pickle.UnpicklingError as error:
+        reason = str(error).split("\n", 1)[0]
+        msg = f"{path}: refused, it holds more than tensors or is no checkpoint ({reason})"
+        raise WeightsMismatch(msg) from None
+    except (RuntimeError, EOFError, OSError, ValueError, KeyError, AttributeError) as error:
+        reason = str(error).split("\n", 1)[0]
+        msg = f"{path}: not a readable PyTorch checkpoint ({reason})"
+        raise WeightsMismatch(msg) from None
+
+
+def _harmless_globals() -> list[Any]:
+    """Names beside tensors that official files hold: numpy scalars in their optimizer state."""
+    import numpy as np
+
+    try:
+        from numpy._core.multiarray import scalar
+    except ImportError:  # numpy below 2
+        from numpy.core.multiarray import scalar  # type: ignore[no-redef]
+    dtypes = [type(np.dtype(name)) for name in ("float32", "float64", "int32", "int64", "bool")]
+    return [(scalar, "numpy.core.multiarray.scalar"), scalar, np.dtype, *dtypes]
+
+
+def fit_state_dict(
+    state: StateDict, expected: StateDict, source: str, optional: Iterable[str] = ()
+) -> StateDict:
+    """Choose from `state` what a network expects, or say exactly what does not fit.
+
+    Keys that the network lacks are ignored; missing `num_batches_tracked` counters and `optional`
+    keys keep the network's own values; where no key matches at all the prefix `features.` is
+    tried, as pysot does for bare backbones.
+
+    Raises:
+        WeightsMismatch: keys are missing or shapes differ; names them.
+    """
+    if not state.keys() & expected.keys():
+        prefixed = {f"features.{key}": value for key, value in state.items()}
+        state = prefixed if prefixed.keys() & expected.keys() else state
+    may_lack = set(optional)
+    missing = [
+        key
+        for key in expected
+        if key not in state and key not in may_lack and not key.endswith(".num_batches_tracked")
+    ]
+    if missing:
+        unknown = [key for key in state if key not in expected]
+        msg = (
+            f"{source}: not a checkpoint of this network: {len(missing)} of {len(expected)} "
+            f"entries are missing ({_some(missing)})"
+        )
+        if unknown:
+            msg += f", {len(unknown)} are unknown ({_some(unknown)})"
+        raise WeightsMismatch(msg)
+    fitting = {key: state[key] for key in expected if key in state}
+    wrong = [
+        f"{key} is {tuple(value.shape)}, expected {tuple(expected[key].shape)}"
+        for key, value in fitting.items()
+        if value.shape != expected[key].shape
+    ]
+    if wrong:
+        msg = f"{source}: not a checkpoint of this network: {_some(wrong)}"
+        raise WeightsMismatch(msg)
+    return fitting
+
+
+def _some(names: list[str], count: int = 3) -> str:
+    return ", ".join(names[:count]) + (", ..." if len(names) > count else "")
