@@ -1,0 +1,86 @@
+"""What lies in a folder: sub-folders, images in frame order, other files."""
+
+import os
+import stat
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from nat2024.datasets.frames import image_names
+from nat2024.errors import DatasetNotFound
+
+
+@dataclass(frozen=True, slots=True)
+class Listing:
+    """Names in one folder, hidden ones left out; look-ups take any case, the exact one first.
+
+    Attributes:
+        path: the folder.
+        folders: names of sub-folders, sorted.
+        images: names of images in frame order.
+        files: names of all other files, sorted.
+    """
+
+    path: Path
+    folders: tuple[str, ...]
+    images: tuple[str, ...]
+    files: tuple[str, ...]
+    _found: dict[str, str]
+
+    @classmethod
+    def of(cls, path: Path) -> "Listing":
+        """List a folder.
+
+        Raises:
+            DatasetNotFound: it cannot be listed.
+        """
+        folders: list[str] = []
+        names: list[str] = []
+        try:
+            with os.scandir(path) as scan:
+                for entry in scan:
+                    if not entry.name.startswith("."):
+                        (folders if entry.is_dir() else names).append(entry.name)
+        except OSError as error:
+            msg = f"{path}: cannot be listed ({error.strerror})"
+            raise DatasetNotFound(msg) from None
+        images = image_names(names)
+        files = sorted(set(names).difference(images))
+        return cls(path, tuple(sorted(folders)), images, tuple(files), _in_any_case(files))
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether there is nothing but hidden files."""
+        return not (self.folders or self.images or self.files)
+
+    def child(self, name: str) -> "Listing":
+        """The listing of one sub-folder."""
+        return Listing.of(self.path / name)
+
+    def inside(self, *names: str) -> "tuple[Listing, ...]":
+        """Listings of those of these sub-folders that are there, in the order of `names`."""
+        found = _in_any_case(self.folders)
+        return tuple(self.child(found[name]) for name in names if name in found)
+
+    def file(self, *names: str) -> Path | None:
+        """The first of these files that is there."""
+        for name in names:
+            actual = self._found.get(name) or self._found.get(name.lower())
+            if actual:
+                return self.path / actual
+        return None
+
+
+def path_kind(path: Path) -> Literal["absent", "file", "folder"]:
+    """What a path leads to; whatever the system refuses to look at counts as absent."""
+    try:
+        return "folder" if stat.S_ISDIR(path.stat().st_mode) else "file"
+    except (OSError, ValueError):  # no such file, no permission, a name too long, a NUL in it
+        return "absent"
+
+
+def _in_any_case(names: Iterable[str]) -> dict[str, str]:
+    """Names by themselves and by their small letters; a name's own spelling goes before."""
+    names = list(names)
+    return {name.lower(): name for name in reversed(names)} | {name: name for name in names}
