@@ -1,0 +1,64 @@
+"""Datasets: registered ones and any folder, their published facts, and checks against these.
+
+>>> from nat2024.datasets import list_datasets, registered_dataset
+>>> list_datasets("uavdark*")
+['uavdark135', 'uavdark70']
+>>> registered_dataset("uavdark135").sequences["bike1"].frames
+269
+"""
+
+from nat2024.datasets.frames import FolderFrames
+from nat2024.datasets.information import DatasetInfo, SequenceInfo, describe, describe_sequence
+from nat2024.datasets.loading import Rule, load_dataset
+from nat2024.datasets.recognition import Candidate, Recognition, recognise
+from nat2024.datasets.registered import (
+    DatasetFacts,
+    SequenceFacts,
+    is_registered,
+    list_datasets,
+    register_dataset,
+    registered_dataset,
+)
+from nat2024.datasets.roots import (
+    Configuration,
+    ConfiguredRoot,
+    configuration_path,
+    configured_roots,
+    find_root,
+    how_to_get,
+    read_configuration,
+    root_variable,
+)
+from nat2024.datasets.validation import Finding, ValidationReport, validate
+from nat2024.datasets.writing import write_sequence
+
+__all__ = [
+    "Candidate",
+    "Configuration",
+    "ConfiguredRoot",
+    "DatasetFacts",
+    "DatasetInfo",
+    "Finding",
+    "FolderFrames",
+    "Recognition",
+    "Rule",
+    "SequenceFacts",
+    "SequenceInfo",
+    "ValidationReport",
+    "configuration_path",
+    "configured_roots",
+    "describe",
+    "describe_sequence",
+    "find_root",
+    "how_to_get",
+    "is_registered",
+    "list_datasets",
+    "load_dataset",
+    "read_configuration",
+    "recognise",
+    "register_dataset",
+    "registered_dataset",
+    "root_variable",
+    "validate",
+    "write_sequence",
+]
