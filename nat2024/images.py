@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def check_image(image: Any, what: str = "image") -> Image:
-    """Return `image` if it is uint8 (H, W, 3) with H, W of at least 1, else raise `ArrayContract`."""
+    """Return `image` if it is uint8 (H, W, 3) and not empty, else raise `ArrayContract`."""
     if not isinstance(image, np.ndarray) or image.dtype != np.uint8:
         kind = getattr(image, "dtype", type(image).__name__)
         msg = f"{what} must be a uint8 array of shape (H, W, 3), not {kind}"

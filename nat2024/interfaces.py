@@ -128,7 +128,7 @@ class NeuralEnhancer(Enhancer, ABC):
     def forward(self, batch: "torch.Tensor") -> "torch.Tensor":
         """Enhance a batch whose sides are multiples of `stride`; no clamp."""
 
-    def forward_maps(self, batch: "torch.Tensor") -> "dict[str, torch.Tensor]":
+    def forward_maps(self, batch: "torch.Tensor") -> "dict[str, torch.Tensor]":  # noqa: ARG002
         """Intermediate maps of a batch whose sides are multiples of `stride`; none by default."""
         return {}
 
@@ -163,7 +163,7 @@ class NeuralEnhancer(Enhancer, ABC):
 
 
 def pad_to_multiple(batch: "torch.Tensor", multiple: int) -> "torch.Tensor":
-    """Pad right and bottom up to a multiple: by reflection, an axis too short for it by replication."""
+    """Pad right and bottom up to a multiple by reflection, axes too short for it by replication."""
     import torch.nn.functional as F
 
     for axis in (-1, -2):
@@ -260,8 +260,20 @@ class Tracker(ABC):
     def _enhance_frame(self, image: Image) -> Image:
         if self.enhancer is None or self.scope != "frame":
             return image
-        device = getattr(self.enhancer, "device", self.device)
-        return batch_to_image(self.enhancer.enhance_batch(image_to_batch(image, device)))
+        return enhance_frame(self.enhancer, image, self.device)
+
+
+def enhance_frame(enhancer: BatchEnhancer, frame: Image, device: str) -> Image:
+    """Enhance a uint8 BGR frame, fed to `enhance_batch` as BGR, rounded to nearest.
+
+    An enhancer that has a method `enhance_frame` of its own is asked that instead.
+    """
+    own = getattr(enhancer, "enhance_frame", None)
+    if own is not None:
+        enhanced: Image = own(frame)
+        return enhanced
+    device = getattr(enhancer, "device", device)
+    return batch_to_image(enhancer.enhance_batch(image_to_batch(frame, device)))
 
 
 def check_start_box(box: Any, image: Image) -> Box:

@@ -138,7 +138,7 @@ def load_plugin(name: str, kind: Kind) -> type[Any]:
     if not (isinstance(cls, type) and issubclass(cls, _BASES[kind])):
         msg = f"{kind} {name} ({entry.origin}) is no subclass of {_BASES[kind].__name__}"
         raise BrokenPlugin(msg)
-    if not cls.name:
+    if not getattr(cls, "name", ""):
         msg = f"{kind} {name} ({entry.origin}) lacks its @register_{kind}({name!r}) decorator"
         raise BrokenPlugin(msg)
     return cls

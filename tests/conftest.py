@@ -1,5 +1,6 @@
 """What all tests share: the parity kits and real data beside the project, where they are."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -13,3 +14,30 @@ def shared() -> Path:
     if not (SHARED / "parity").is_dir():
         pytest.skip("the parity kits are not beside this checkout (../shared)")
     return SHARED
+
+
+@pytest.fixture(scope="session")
+def night_clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A dataset of three rendered sequences, 8 frames of 160x96; `wide` has a wide target."""
+    from nat2024.datasets import write_sequence
+    from nat2024.night import Clip, render_clip
+
+    folder = tmp_path_factory.mktemp("data") / "night_clip"
+    targets = {"narrow": (16, 14), "tall": (14, 20), "wide": (30, 18)}
+    for seed, (name, target) in enumerate(targets.items()):
+        clip = Clip(name, frames=8, size=(160, 96), target_size=target, seed=seed)
+        write_sequence(folder, name, render_clip(clip))
+    return folder
+
+
+@pytest.fixture
+def small_plugins() -> Iterator[str]:
+    """The plugins of `data/plugins/small.py`, registered for one test; gives the file."""
+    from nat2024 import registry
+
+    source = str(Path(__file__).parent / "data" / "plugins" / "small.py")
+    before = dict(registry._registered)
+    registry.load_plugin_file(source)
+    yield source
+    registry._registered.clear()
+    registry._registered.update(before)

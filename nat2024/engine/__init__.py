@@ -1,0 +1,15 @@
+"""Running trackers and enhancers over sequences; scoring reads the files that this writes."""
+
+from nat2024.engine.benchmark import BenchmarkReport, Failure, run_benchmark
+from nat2024.engine.one_pass import track_sequence
+from nat2024.engine.plan import Combination, PluginSpec, combine
+
+__all__ = [
+    "BenchmarkReport",
+    "Combination",
+    "Failure",
+    "PluginSpec",
+    "combine",
+    "run_benchmark",
+    "track_sequence",
+]

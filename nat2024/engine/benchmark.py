@@ -1,0 +1,249 @@
+"""The main job: every combination over every sequence, resumable, failures kept apart."""
+
+import contextlib
+import importlib.metadata
+import logging
+import platform
+import subprocess
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+from nat2024.engine.plan import Combination, describe
+from nat2024.engine.workers import (
+    Job,
+    Outcome,
+    Progress,
+    Trackers,
+    computing_threads,
+    run_in_process,
+    run_in_workers,
+)
+from nat2024.errors import DatasetIncomplete, ResultConflict, UsageError
+from nat2024.store import DatasetRecord, Manifest, RunFolder, Session, open_run
+from nat2024.types import Dataset
+
+log = logging.getLogger("nat2024")
+
+_VERSIONED = ("nat-bench", "numpy", "opencv-python-headless", "torch")
+
+
+def _no_progress(_frames: int, _what: str) -> None:
+    pass
+
+
+@dataclass(frozen=True, slots=True)
+class Failure:
+    """A sequence without a result, and why."""
+
+    run: str
+    sequence: str
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class BenchmarkReport:
+    """What `run_benchmark` did.
+
+    Attributes:
+        folder: `RESULTS/DATASET`.
+        runs: names of the run folders.
+        tracked: number of sequences tracked now.
+        skipped: number of sequences that were finished before.
+        failures: sequences without a result.
+    """
+
+    folder: Path
+    runs: tuple[str, ...]
+    tracked: int
+    skipped: int
+    failures: tuple[Failure, ...]
+
+
+@dataclass(slots=True)
+class _Run:
+    """One combination on its way: its folder, manifest and open sequences."""
+
+    combination: Combination
+    folder: RunFolder
+    manifest: Manifest
+    missing: list[str]
+
+
+def run_benchmark(
+    combinations: Iterable[Combination],
+    dataset: Dataset,
+    results: str | Path = "results",
+    *,
+    source: str = "",
+    root: str = "",
+    workers: int = 1,
+    threads: int = 1,
+    plugins: tuple[str, ...] = (),
+    progress: Progress = _no_progress,
+) -> BenchmarkReport:
+    """Track every sequence with every combination and store what comes out.
+
+    Finished sequences are never tracked again. All combinations are created, and all run folders
+    checked, before the first frame is tracked, so that wrong options or weights cost nothing.
+
+    Args:
+        combinations: from `combine`.
+        dataset: the sequences.
+        results: `RESULTS/DATASET/RUN/SEQUENCE.txt` is written.
+        source: the name or path that `dataset` was loaded from, kept in the manifest.
+        root: the root given with it.
+        workers: number of processes; results do not depend on it.
+        threads: computing threads of each worker; part of what a result depends on.
+        plugins: plugin files that spawned workers must load.
+        progress: called with frames done since the last call and what is being tracked.
+
+    Raises:
+        UsageError: workers or threads below 1, or the device is not there.
+        DatasetIncomplete: the dataset has no sequence to run.
+        ResultConflict: a run folder was made with other settings.
+        WeightsMissing, WeightsMismatch, InvalidOption: a combination cannot be created.
+    """
+    combinations = list(combinations)
+    _check(combinations, dataset, workers, threads)
+    record = DatasetRecord(dataset.name, source or dataset.name, root, dataset.fingerprint())
+    folder = Path(results) / dataset.name
+    trackers = Trackers()
+    with computing_threads(threads):
+        runs = [_open(one, trackers, dataset, record, folder, threads) for one in combinations]
+        jobs = [
+            Job(run.combination, dataset[name], str(run.folder.path))
+            for run in runs
+            for name in run.missing
+        ]
+        for run in runs:
+            _start(run, workers)
+        if workers == 1 or len(jobs) <= 1:
+            outcomes = run_in_process(jobs, trackers, progress)
+        else:
+            outcomes = run_in_workers(jobs, workers, threads, plugins, progress)
+        by_name = {run.combination.run: run for run in runs}
+        failures = [
+            failure
+            for outcome in outcomes
+            for failure in _note(outcome, by_name[outcome.job.combination.run])
+        ]
+        for run in runs:
+            _finish(run)
+    return BenchmarkReport(
+        folder,
+        tuple(by_name),
+        tracked=len(jobs) - len(failures),
+        skipped=len(runs) * len(dataset) - len(jobs),
+        failures=tuple(failures),
+    )
+
+
+def _check(combinations: list[Combination], dataset: Dataset, workers: int, threads: int) -> None:
+    if workers < 1 or threads < 1:
+        msg = f"workers and threads must be at least 1, not {workers} and {threads}"
+        raise UsageError(msg)
+    if not len(dataset):
+        msg = f"dataset {dataset.name} has no annotated sequence to run"
+        raise DatasetIncomplete(msg)
+    for device in {one.device for one in combinations}:
+        _check_device(device)
+
+
+def _check_device(device: str) -> None:
+    import torch
+
+    kind, _, number = device.partition(":")
+    if kind not in ("cpu", "cuda") or (number and not number.isdigit()):
+        msg = f"device {device!r} is none of cpu, cuda, cuda:N"
+        raise UsageError(msg)
+    count = torch.cuda.device_count() if torch.cuda.is_available() else 0
+    if kind == "cuda" and int(number or 0) >= count:
+        msg = f"device {device!r} is not there: torch sees {count} CUDA devices"
+        raise UsageError(msg)
+
+
+def _open(
+    combination: Combination,
+    trackers: Trackers,
+    dataset: Dataset,
+    record: DatasetRecord,
+    folder: Path,
+    threads: int,
+) -> _Run:
+    tracker, enhancer = combination.create()
+    trackers.keep(combination, tracker)
+    run_folder = RunFolder(folder / combination.run)
+    manifest = open_run(run_folder, describe(combination, tracker, enhancer, record, threads))
+    missing = [s.name for s in dataset if not _is_finished(run_folder, s.name, len(s))]
+    return _Run(combination, run_folder, manifest, missing)
+
+
+def _start(run: _Run, workers: int) -> None:
+    """Open a session, in a run that has something left to do."""
+    if run.missing:
+        run.manifest.sessions.append(
+            Session(_timestamp(), workers=workers, versions=_versions(), machine=_machine())
+        )
+        run.folder.write_manifest(run.manifest)
+
+
+def _is_finished(folder: RunFolder, sequence: str, frames: int) -> bool:
+    if not folder.has(sequence):
+        return False
+    rows = len(folder.boxes(sequence))
+    if rows != frames:
+        path = folder.box_file(sequence)
+        msg = f"{path}: {rows} rows, but the sequence has {frames} frames; move the file away"
+        raise ResultConflict(msg)
+    return True
+
+
+def _note(outcome: Outcome, run: _Run) -> list[Failure]:
+    name = outcome.job.sequence.name
+    if not outcome.reason:
+        return []
+    log.error("%s, %s: %s", run.combination.run, name, outcome.reason)
+    run.manifest.failures[name] = outcome.reason
+    return [Failure(run.combination.run, name, outcome.reason)]
+
+
+def _finish(run: _Run) -> None:
+    if run.missing:
+        run.manifest.sessions[-1].finished = _timestamp()
+        run.manifest.timing = run.folder.stage_times()
+        failures = run.manifest.failures.items()
+        run.manifest.failures = {n: why for n, why in failures if not run.folder.has(n)}
+        run.folder.write_manifest(run.manifest)
+
+
+def _timestamp() -> str:
+    return datetime.fromtimestamp(time.time(), UTC).isoformat(timespec="seconds")
+
+
+def _versions() -> dict[str, str]:
+    found = {"python": platform.python_version()}
+    for name in _VERSIONED:
+        try:
+            found[name] = importlib.metadata.version(name)
+        except importlib.metadata.PackageNotFoundError:  # another distribution brings OpenCV
+            continue
+    checkout = Path(__file__).parents[2]
+    if (checkout / ".git").exists():
+        command = ["git", "-C", str(checkout), "rev-parse", "HEAD"]
+        with contextlib.suppress(OSError, subprocess.SubprocessError):
+            found["revision"] = subprocess.run(
+                command, capture_output=True, text=True, check=True, timeout=10
+            ).stdout.strip()
+    return found
+
+
+def _machine() -> dict[str, str]:
+    import torch
+
+    machine = {"system": platform.platform(), "processor": platform.machine()}
+    if torch.cuda.is_available():
+        machine["cuda_device"] = torch.cuda.get_device_name()
+    return machine

@@ -1,0 +1,171 @@
+"""What is to be run: trackers times enhancers, each with its own options and weights."""
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from nat2024.engine.timing import TimedEnhancer
+from nat2024.errors import UsageError
+from nat2024.interfaces import Enhancer, Scope, Tracker
+from nat2024.registry import create_enhancer, create_tracker, load_plugin, resolve_options
+from nat2024.store import DatasetRecord, Manifest, PluginRecord, WeightsRecord, run_name
+from nat2024.types import closest
+from nat2024.zoo import Weights
+
+_SPEC = re.compile(r"(?P<name>[a-z0-9][a-z0-9_]*)(?:@(?P<label>[A-Za-z0-9._-]+))?")
+
+
+@dataclass(frozen=True, slots=True)
+class PluginSpec:
+    """A plugin as it is asked for: `NAME` or `NAME@LABEL`, with options and weights."""
+
+    name: str
+    label: str = ""
+    options: Mapping[str, Any] = field(default_factory=dict)
+    weights: str | None = None
+
+    @classmethod
+    def parse(cls, text: str) -> "PluginSpec":
+        """Read `NAME` or `NAME@LABEL`.
+
+        Raises:
+            UsageError: it is neither.
+        """
+        match = _SPEC.fullmatch(text)
+        if not match:
+            msg = f"{text!r} is neither NAME nor NAME@LABEL (letters, digits, . _ - in a label)"
+            raise UsageError(msg)
+        return cls(match["name"], match["label"] or "")
+
+    @property
+    def title(self) -> str:
+        """`NAME` or `NAME@LABEL`."""
+        return f"{self.name}@{self.label}" if self.label else self.name
+
+
+@dataclass(frozen=True, slots=True)
+class Combination:
+    """One run: a tracker with one enhancer, or alone (enhancer None)."""
+
+    tracker: PluginSpec
+    enhancer: PluginSpec | None
+    device: str = "cpu"
+
+    @property
+    def run(self) -> str:
+        """Name of its run folder."""
+        return run_name(self.tracker.title, self.enhancer.title if self.enhancer else "none")
+
+    def create(self) -> tuple[Tracker, Enhancer | None]:
+        """A fresh tracker, and the enhancer that it uses through a `TimedEnhancer`."""
+        enhancer = timed = None
+        if self.enhancer is not None:
+            spec = self.enhancer
+            enhancer = create_enhancer(
+                spec.name, weights=spec.weights, device=self.device, **spec.options
+            )
+            timed = TimedEnhancer(enhancer, self.device)
+        spec = self.tracker
+        tracker = create_tracker(
+            spec.name, weights=spec.weights, enhancer=timed, device=self.device, **spec.options
+        )
+        return tracker, enhancer
+
+
+def combine(
+    trackers: Iterable[str],
+    enhancers: Iterable[str],
+    *,
+    options: Mapping[str, Mapping[str, Any]] | None = None,
+    weights: Mapping[str, str] | None = None,
+    scope: Scope | None = None,
+    device: str = "cpu",
+) -> list[Combination]:
+    """Every tracker with every enhancer.
+
+    Args:
+        trackers: `NAME` or `NAME@LABEL` each.
+        enhancers: likewise; "none" is the plain tracker.
+        options: by `NAME[@LABEL]`, then by option.
+        weights: path by `NAME[@LABEL]`.
+        scope: what is enhanced, for all; None leaves each tracker its own default.
+        device: where networks run.
+
+    Raises:
+        UsageError: a name twice, or options or weights for something that is not run.
+        UnknownPlugin, InvalidOption: as the registry says.
+    """
+    options, weights = options or {}, weights or {}
+    tracker_specs = _specs(trackers, options, weights)
+    enhancer_specs = _specs(enhancers, options, weights)
+    titles = [spec.title for spec in (*tracker_specs, *enhancer_specs)]
+    for what, given in (("options", options), ("weights", weights)):
+        for title in given:
+            if title not in titles:
+                msg = f"{what} for {title}, which is not run{closest(title, titles)}"
+                raise UsageError(msg)
+    if scope:
+        tracker_specs = [replace(s, options={**s.options, "scope": scope}) for s in tracker_specs]
+    for tracker_spec in tracker_specs:
+        resolve_options(load_plugin(tracker_spec.name, "tracker"), tracker_spec.options)
+    for enhancer_spec in enhancer_specs:
+        resolve_options(load_plugin(enhancer_spec.name, "enhancer"), enhancer_spec.options)
+    return [
+        Combination(tracker, None if enhancer.title == "none" else enhancer, device)
+        for tracker in tracker_specs
+        for enhancer in enhancer_specs
+    ]
+
+
+def _specs(
+    titles: Iterable[str], options: Mapping[str, Mapping[str, Any]], weights: Mapping[str, str]
+) -> list[PluginSpec]:
+    specs: dict[str, PluginSpec] = {}
+    for title in titles:
+        spec = PluginSpec.parse(title)
+        if title in specs:
+            msg = f"{title} is named twice; give one of them a label ({spec.name}@LABEL)"
+            raise UsageError(msg)
+        given = dict(options.get(title, {}))
+        specs[title] = replace(spec, options=given, weights=weights.get(title))
+    return list(specs.values())
+
+
+def describe(
+    combination: Combination,
+    tracker: Tracker,
+    enhancer: Enhancer | None,
+    dataset: DatasetRecord,
+    threads: int,
+) -> Manifest:
+    """The manifest of a created combination."""
+    record = None
+    if combination.enhancer is not None and enhancer is not None:
+        record = _record(combination.enhancer, enhancer)
+    return Manifest(
+        dataset=dataset,
+        tracker=_record(combination.tracker, tracker),
+        enhancer=record,
+        scope=tracker.scope,
+        device=combination.device.partition(":")[0],
+        threads=threads,
+        repeatable=tracker.card.repeatable and (record is None or record.repeatable),
+    )
+
+
+def _record(spec: PluginSpec, plugin: Tracker | Enhancer) -> PluginRecord:
+    return PluginRecord(
+        name=spec.name,
+        label=spec.label,
+        options=resolve_options(type(plugin), spec.options),
+        weights=_weights_record(plugin.weights),
+        repeatable=plugin.card.repeatable,
+    )
+
+
+def _weights_record(weights: Weights | None) -> WeightsRecord | None:
+    if weights is None:
+        return None
+    path = str(weights.path) if weights.path else ""
+    return WeightsRecord(weights.origin, path, weights.sha256, weights.known_as)
