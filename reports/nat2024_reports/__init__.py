@@ -1,0 +1,26 @@
+"""Tables and figures of a night-tracking paper, from stored scores."""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from nat2024_reports.formats import FORMATS, render
+    from nat2024_reports.gains import relative_gain
+    from nat2024_reports.tables import ScoreTable, overall_table
+
+_HOMES = {
+    "FORMATS": "formats",
+    "ScoreTable": "tables",
+    "overall_table": "tables",
+    "relative_gain": "gains",
+    "render": "formats",
+}
+
+__all__ = ["FORMATS", "ScoreTable", "overall_table", "relative_gain", "render"]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        msg = f"module 'nat2024_reports' has no attribute {name!r}"
+        raise AttributeError(msg)
+    return getattr(import_module(f"nat2024_reports.{_HOMES[name]}"), name)
