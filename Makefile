@@ -1,0 +1,43 @@
+# Everything runs in .venv, which the first target makes; nothing outside it is touched.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+READY := $(VENV)/.ready
+CLIP := .cache/night_clip
+RESULTS := .cache/results
+
+.PHONY: run test lint types contracts suite clean
+.DEFAULT_GOAL := run
+
+$(READY): pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "nat-bench needs Python 3.11 or newer; name one with: make PYTHON=python3.11")'
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --upgrade "pip>=25.1"
+	$(BIN)/python -m pip install --quiet --editable . --group dev
+	@touch $@
+
+# A night clip rendered by code, tracked twice, scored and compared.
+run: $(READY)
+	@test -d $(CLIP) || $(BIN)/nat-bench dataset synthesize $(CLIP)
+	$(BIN)/nat-bench run --tracker mil --enhancer none --enhancer clahe --dataset $(CLIP) --results $(RESULTS) --quiet
+	@echo
+	$(BIN)/nat-bench table --results $(RESULTS)
+
+test: lint types contracts suite
+
+lint: $(READY)
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+
+types: $(READY)
+	$(BIN)/mypy
+
+contracts: $(READY)
+	$(BIN)/lint-imports
+	$(BIN)/deptry nat2024 trackers enhancers reports
+
+suite: $(READY)
+	$(BIN)/python -m pytest --numprocesses 2 --dist worksteal
+
+clean:
+	rm -rf $(VENV) .cache build dist

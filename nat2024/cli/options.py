@@ -1,0 +1,143 @@
+"""Options and arguments that several verbs share, and how their texts are read."""
+
+import functools
+import logging
+import sys
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+from nat2024.errors import UsageError
+
+if TYPE_CHECKING:
+    from nat2024.metrics import Protocol
+
+_Function = TypeVar("_Function", bound=Callable[..., Any])
+
+json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+results_option = click.option(
+    "--results",
+    type=click.Path(path_type=Path, file_okay=False),
+    default=Path("results"),
+    show_default=True,
+    help="Folder of results.",
+)
+dataset_option = click.option(
+    "--dataset", metavar="NAME_OR_PATH", help="A registered dataset, or a folder of sequences."
+)
+root_option = click.option(
+    "--root",
+    type=click.Path(path_type=Path, file_okay=False),
+    help="Where the registered dataset lies; else NAT2024_ROOT_<DATASET> or NAT2024_ROOT.",
+)
+plugin_option = click.option(
+    "--plugin",
+    "plugins",
+    multiple=True,
+    metavar="FILE.py",
+    help="A Python file (or module) that registers plugins; repeatable.",
+)
+protocol_option = click.option(
+    "--protocol", default="pysot", show_default=True, help="Evaluation protocol."
+)
+protocol_options_option = click.option(
+    "--protocol-option",
+    "protocol_options",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="Option of the protocol, such as label=uav; repeatable.",
+)
+on_length_option = click.option(
+    "--on-length",
+    type=click.Choice(["error", "pad", "cut"]),
+    help="Results and truth of unequal length; left out, the protocol decides.",
+)
+
+
+def messages(function: _Function) -> _Function:
+    """Add `--quiet` and `--debug`, and send the library's log to standard error."""
+
+    @click.option("--quiet", "-q", is_flag=True, help="Only results and errors.")
+    @click.option("--debug", is_flag=True, help="Show the traceback of an error.")
+    @functools.wraps(function)
+    def wrapped(*args: Any, quiet: bool, debug: bool, **kwargs: Any) -> Any:
+        level = logging.DEBUG if debug else logging.ERROR if quiet else logging.INFO
+        handler = logging.StreamHandler(sys.stderr)
+        handler.setFormatter(logging.Formatter("nat-bench: %(message)s"))
+        logger = logging.getLogger("nat2024")
+        logger.handlers, logger.propagate = [handler], False
+        logger.setLevel(level)
+        return function(*args, **kwargs)
+
+    return wrapped  # type: ignore[return-value]
+
+
+def load_plugins(sources: Iterable[str]) -> None:
+    """Load plugin files in the order given."""
+    from nat2024.registry import load_plugin_file
+
+    for source in sources:
+        load_plugin_file(source)
+
+
+def read_pairs(texts: Iterable[str], option: str) -> dict[str, str]:
+    """Read `KEY=VALUE` texts.
+
+    Raises:
+        UsageError: one has no `=`, or a key comes twice.
+    """
+    pairs: dict[str, str] = {}
+    for text in texts:
+        key, sign, value = text.partition("=")
+        if not (key and sign):
+            msg = f"{option} {text!r}: expected KEY=VALUE"
+            raise UsageError(msg)
+        if key in pairs:
+            msg = f"{option} {key} is given twice"
+            raise UsageError(msg)
+        pairs[key] = value
+    return pairs
+
+
+def read_plugin_options(texts: Iterable[str]) -> dict[str, dict[str, str]]:
+    """Read `NAME[@LABEL].KEY=VALUE` texts into options by `NAME[@LABEL]`.
+
+    Raises:
+        UsageError: one is not of this form.
+    """
+    options: dict[str, dict[str, str]] = {}
+    for key, value in read_pairs(texts, "--opt").items():
+        plugin, dot, name = key.rpartition(".")
+        if not (plugin and dot and name):
+            msg = f"--opt {key}={value}: expected NAME[@LABEL].KEY=VALUE"
+            raise UsageError(msg)
+        options.setdefault(plugin, {})[name] = value
+    return options
+
+
+def choose_protocol(name: str, texts: Iterable[str]) -> "Protocol":
+    """The protocol of `--protocol` and `--protocol-option`.
+
+    Raises:
+        UsageError: no such protocol or option, or a value of the wrong type.
+    """
+    import dataclasses
+
+    import msgspec
+
+    from nat2024.metrics import Protocol
+    from nat2024.types import closest
+
+    given = read_pairs(texts, "--protocol-option")
+    known = [field.name for field in dataclasses.fields(Protocol) if field.name != "name"]
+    for key in given:
+        if key not in known:
+            msg = f"protocols have no option {key!r}{closest(key, known)}"
+            raise UsageError(msg)
+    try:
+        return msgspec.convert({"name": name, **given}, Protocol, strict=False)
+    except msgspec.ValidationError as error:
+        msg = f"--protocol-option: {error}"
+        raise UsageError(msg) from None

@@ -1,0 +1,93 @@
+"""From a results folder to evaluations: which dataset it belongs to, and what to say about it."""
+
+import logging
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from nat2024.cli.output import print_table, rows_of
+from nat2024.errors import DatasetNotFound
+
+log = logging.getLogger("nat2024")
+
+if TYPE_CHECKING:
+    from nat2024.evaluation import Evaluation
+    from nat2024.metrics import Protocol
+    from nat2024.types import Dataset
+
+
+def score(
+    results: Path,
+    dataset: str | None = None,
+    root: Path | None = None,
+    protocol: "str | Protocol" = "pysot",
+    on_length: str | None = None,
+) -> "list[Evaluation]":
+    """Evaluate one dataset, or all that a results folder holds where none is named.
+
+    Raises:
+        DatasetNotFound: no results, or no way to tell where their dataset is.
+    """
+    from nat2024.datasets import load_dataset
+    from nat2024.evaluation import evaluate
+    from nat2024.store import list_datasets, list_runs
+
+    if not results.is_dir():
+        msg = f"{results}: no such results folder; `nat-bench run` makes one"
+        raise DatasetNotFound(msg)
+    if dataset is not None:
+        loaded = load_dataset(dataset, root, unannotated=True)
+        return [evaluate(results, loaded, protocol=protocol, on_length=on_length)]
+    folders = [results] if list_runs(results) else list_datasets(results)
+    if not folders:
+        msg = f"{results}: holds no results; `nat-bench run --results {results}` writes some"
+        raise DatasetNotFound(msg)
+    return [
+        evaluate(folder, _dataset_of(folder), protocol=protocol, on_length=on_length)
+        for folder in folders
+    ]
+
+
+def _dataset_of(folder: Path) -> "Dataset":
+    """The dataset that the manifests of a folder of runs name."""
+    from nat2024.datasets import load_dataset
+    from nat2024.store import list_runs
+
+    manifests = [manifest for run in list_runs(folder) if (manifest := run.manifest())]
+    if not manifests:
+        msg = f"{folder}: no manifest tells which dataset this is; name it with --dataset"
+        raise DatasetNotFound(msg)
+    record = manifests[0].dataset
+    try:
+        return load_dataset(record.source, record.root or None, unannotated=True)
+    except DatasetNotFound as error:
+        msg = f"{error}; {folder} was made from it, name it with --dataset if it has moved"
+        raise DatasetNotFound(msg) from None
+
+
+def print_notes(evaluations: "Iterable[Evaluation]") -> None:
+    """Say on standard error what a reader must know beside the scores."""
+    for evaluation in evaluations:
+        for line in evaluation.remarks():
+            log.info("%s: %s", evaluation.dataset, line)
+
+
+def print_scores(evaluations: "Iterable[Evaluation]") -> None:
+    """Print the table of each evaluation: scores, and gains over the tracker alone."""
+    from nat2024_reports import overall_table
+
+    for evaluation in evaluations:
+        table = overall_table(evaluation.summary())
+        rows = [table.texts(row) for row in table.rows]
+        print_table(table.headings, rows, title=table.caption, words=len(table.word_headings))
+
+
+def document(evaluations: "list[Evaluation]") -> dict[str, Any]:
+    """The JSON object of `eval` and `table`."""
+    return {
+        "protocol": evaluations[0].protocol.name,
+        "summary": [row for e in evaluations for row in rows_of(e.summary())],
+        "per_sequence": [row for e in evaluations for row in rows_of(e.per_sequence())],
+        "per_attribute": [row for e in evaluations for row in rows_of(e.per_attribute())],
+        "notes": {e.dataset: e.notes() for e in evaluations},
+    }

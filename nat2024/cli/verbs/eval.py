@@ -1,0 +1,75 @@
+"""`nat-bench eval`: scores of stored results."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from nat2024.cli import options as shared
+from nat2024.cli.output import print_json, print_table
+from nat2024.cli.scoring import document, print_notes, print_scores, score
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_SHOWN = {
+    "success_auc": "Success",
+    "precision_20": "Precision",
+    "normalized_precision_20": "Norm. prec.",
+    "normalized_precision_auc": "Norm. prec. AUC",
+}
+
+
+@click.command()
+@shared.results_option
+@shared.dataset_option
+@shared.root_option
+@shared.protocol_option
+@shared.protocol_options_option
+@shared.on_length_option
+@click.option(
+    "--by",
+    type=click.Choice(["run", "sequence", "attribute"]),
+    default="run",
+    show_default=True,
+    help="One row for each of these.",
+)
+@shared.json_option
+@shared.messages
+def command(
+    results: Path,
+    dataset: str | None,
+    root: Path | None,
+    protocol: str,
+    protocol_options: tuple[str, ...],
+    on_length: str | None,
+    by: str,
+    as_json: bool,
+) -> None:
+    """Score stored results.
+
+    The dataset is the one that the results were made on, unless --dataset names another.
+    """
+    chosen = shared.choose_protocol(protocol, protocol_options)
+    evaluations = score(results, dataset, root, chosen, on_length)
+    print_notes(evaluations)
+    if as_json:
+        print_json(document(evaluations))
+    elif by == "run":
+        print_scores(evaluations)
+    else:
+        for evaluation in evaluations:
+            frame = evaluation.per_sequence() if by == "sequence" else evaluation.per_attribute()
+            title = f"{evaluation.dataset}; protocol {evaluation.protocol.name}"
+            _print(frame, by, title)
+
+
+def _print(frame: "pd.DataFrame", by: str, title: str) -> None:
+    words = [by, "provenance", "run"] if by == "attribute" else [by, "run"]
+    names = [name for name in _SHOWN if frame[name].notna().any()]
+    rows = [
+        [*(str(row[word]) for word in words), str(row["frames"]), *(f"{row[n]:.3f}" for n in names)]
+        for row in frame.sort_values(words).to_dict(orient="records")
+    ]
+    headings = [*(word.capitalize() for word in words), "Frames", *(_SHOWN[n] for n in names)]
+    print_table(headings, rows, title=title, words=len(words))

@@ -1,0 +1,169 @@
+"""`nat-bench run`: the main job."""
+
+import logging
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from nat2024.cli import options as shared
+from nat2024.cli.output import print_json
+from nat2024.cli.scoring import print_notes, print_scores
+
+if TYPE_CHECKING:
+    from nat2024.engine import BenchmarkReport
+    from nat2024.types import Dataset
+
+log = logging.getLogger("nat2024")
+
+SAMPLE = "night_mini"
+
+
+@click.command()
+@click.option(
+    "--tracker",
+    "trackers",
+    multiple=True,
+    required=True,
+    metavar="NAME[@LABEL]",
+    help="Repeatable.",
+)
+@click.option(
+    "--enhancer",
+    "enhancers",
+    multiple=True,
+    default=("none",),
+    show_default=True,
+    metavar="NAME[@LABEL]",
+    help="Repeatable; every tracker runs with every enhancer.",
+)
+@shared.dataset_option
+@shared.root_option
+@shared.results_option
+@click.option(
+    "--weights", multiple=True, metavar="NAME[@LABEL]=PATH", help="A checkpoint; repeatable."
+)
+@click.option(
+    "--opt", "opts", multiple=True, metavar="NAME[@LABEL].KEY=VALUE", help="An option; repeatable."
+)
+@click.option(
+    "--scope",
+    type=click.Choice(["patch", "frame"]),
+    help="Enhance the tracker's crops or the whole frame; left out, each tracker's own default.",
+)
+@click.option(
+    "--device", default="auto", show_default=True, help="cpu, cuda, cuda:N; auto takes CUDA if any."
+)
+@click.option("--workers", type=int, default=1, show_default=True, help="Processes.")
+@click.option("--threads", type=int, default=1, show_default=True, help="Threads of each worker.")
+@click.option("--sequences", metavar="A,B", help="Only these sequences.")
+@shared.plugin_option
+@shared.json_option
+@shared.messages
+def command(
+    trackers: tuple[str, ...],
+    enhancers: tuple[str, ...],
+    dataset: str | None,
+    root: Path | None,
+    results: Path,
+    weights: tuple[str, ...],
+    opts: tuple[str, ...],
+    scope: Any,
+    device: str,
+    workers: int,
+    threads: int,
+    sequences: str | None,
+    plugins: tuple[str, ...],
+    as_json: bool,
+) -> int:
+    """Track a dataset with every tracker and enhancer named.
+
+    Finished sequences are kept and never tracked again, so the same command goes on where it was
+    stopped. A sequence that fails is named, and the others go on.
+    """
+    from nat2024.engine import combine, run_benchmark
+
+    shared.load_plugins(plugins)
+    combinations = combine(
+        trackers,
+        enhancers,
+        options=shared.read_plugin_options(opts),
+        weights=shared.read_pairs(weights, "--weights"),
+        scope=scope,
+        device=_choose_device(device),
+    )
+    source = dataset or SAMPLE
+    if dataset is None:
+        log.info("no --dataset given, taking the sample %s", SAMPLE)
+    chosen = _load(source, root, sequences)
+    with _Progress(len(combinations) * sum(map(len, chosen))) as progress:
+        report = run_benchmark(
+            combinations,
+            chosen,
+            results,
+            source=_lasting(source),
+            root=str(root.resolve()) if root else "",
+            workers=workers,
+            threads=threads,
+            plugins=plugins,
+            progress=progress,
+        )
+    _print(report, chosen, as_json)
+    return 1 if report.failures else 0
+
+
+def _choose_device(device: str) -> str:
+    if device != "auto":
+        return device
+    import torch
+
+    return "cuda" if torch.cuda.is_available() else "cpu"
+
+
+def _load(source: str, root: Path | None, sequences: str | None) -> "Dataset":
+    from nat2024.datasets import load_dataset
+
+    if sequences is None:
+        return load_dataset(source, root)
+    names = [name.strip() for name in sequences.split(",") if name.strip()]
+    return load_dataset(source, root, unannotated=True).select(names)
+
+
+def _lasting(source: str) -> str:
+    """A name as it is; a path made absolute, so that `eval` finds it from anywhere."""
+    return str(Path(source).resolve()) if Path(source).is_dir() else source
+
+
+def _print(report: "BenchmarkReport", dataset: "Dataset", as_json: bool) -> None:
+    from nat2024.evaluation import evaluate
+
+    if as_json:
+        print_json(report)
+        return
+    done = f"{report.tracked} tracked, {report.skipped} finished before"
+    if report.failures:
+        done += f", {len(report.failures)} failed"
+    log.info("%s: %s", report.folder, done)
+    if report.tracked or report.skipped:
+        evaluations = [evaluate(report.folder, dataset).only(report.runs)]
+        print_notes(evaluations)
+        print_scores(evaluations)
+
+
+class _Progress:
+    """A bar on a terminal, nothing elsewhere."""
+
+    def __init__(self, frames: int) -> None:
+        from tqdm import tqdm
+
+        self._bar = tqdm(total=frames, unit="frame", disable=None, dynamic_ncols=True)
+
+    def __enter__(self) -> "_Progress":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._bar.close()
+
+    def __call__(self, frames: int, what: str) -> None:
+        self._bar.set_description(what, refresh=False)
+        self._bar.update(frames)

@@ -1,0 +1,304 @@
+"""The command line as a user meets it: outputs, exit statuses, one line for each mistake."""
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from nat2024.cli import run
+
+
+@pytest.fixture
+def cli(capsys: Any) -> Any:
+    """Run a command; gives (exit status, standard output, standard error)."""
+
+    def call(*words: object) -> tuple[int, str, str]:
+        status = run([str(word) for word in words])
+        out, err = capsys.readouterr()
+        return status, out, err
+
+    return call
+
+
+@pytest.fixture
+def results(night_clip: Path, tmp_path: Path, small_plugins: str, cli: Any) -> Path:
+    """Results of `still`, alone and with two enhancers."""
+    folder = tmp_path / "results"
+    words = [
+        "run",
+        "--tracker",
+        "still",
+        "--enhancer",
+        "none",
+        "--enhancer",
+        "gamma",
+        "--enhancer",
+        "clahe",
+        "--quiet",
+    ]
+    status, _, _ = cli(*words, "--dataset", night_clip, "--results", folder)
+    assert status == 0
+    return folder
+
+
+def test_help_lists_every_verb(cli: Any) -> None:
+    status, out, _ = cli("--help")
+    assert status == 0
+    for verb in ("run", "eval", "table", "list", "dataset"):
+        assert f"\n  {verb} " in out
+
+
+@pytest.mark.parametrize("verb", ["run", "eval", "table", "list", "dataset"])
+def test_every_verb_has_help_with_the_same_first_line(cli: Any, verb: str) -> None:
+    status, out, _ = cli(verb, "--help")
+    assert status == 0
+    assert f"Usage: nat-bench {verb}" in out
+
+
+def test_run_ends_in_the_table(
+    night_clip: Path, tmp_path: Path, small_plugins: str, cli: Any
+) -> None:
+    words = ("run", "--tracker", "still", "--enhancer", "none", "--enhancer", "invert")
+    folders = ("--dataset", night_clip, "--results", tmp_path, "--plugin", small_plugins)
+    status, out, err = cli(*words, *folders)
+    assert status == 0
+    assert "6 tracked, 0 finished before" in err
+    assert "night_clip: 3 sequences, 24 frames; protocol pysot" in out
+    assert max(map(len, out.splitlines())) <= 100
+    status, out, err = cli(*words, *folders)
+    assert "0 tracked, 6 finished before" in err
+
+
+def test_run_as_json(night_clip: Path, tmp_path: Path, small_plugins: str, cli: Any) -> None:
+    words = ("run", "--tracker", "fails", "--dataset", night_clip, "--results", tmp_path, "--json")
+    status, out, err = cli(*words)
+    assert status == 1
+    document = json.loads(out)
+    assert document["runs"] == ["fails"]
+    assert document["tracked"] == 2
+    assert document["failures"][0]["sequence"] == "wide"
+    assert "fails, wide: frame 5 of 8: ValueError: lost its mind" in err
+
+
+def test_labels_options_and_sequences(
+    night_clip: Path, tmp_path: Path, small_plugins: str, cli: Any
+) -> None:
+    status, _, _ = cli(
+        *("run", "--tracker", "still@fast", "--opt", "still@fast.step=1.5", "--quiet"),
+        *("--enhancer", "gamma@dark", "--opt", "gamma@dark.gamma=2"),
+        *("--sequences", "wide,tall", "--dataset", night_clip, "--results", tmp_path),
+    )
+    assert status == 0
+    folder = tmp_path / "night_clip" / "still@fast+gamma@dark"
+    assert sorted(p.name for p in folder.iterdir()) == ["run.json", "tall.txt", "time", "wide.txt"]
+    stored = json.loads((folder / "run.json").read_text())
+    assert stored["tracker"]["options"]["step"] == 1.5
+    assert stored["enhancer"]["options"]["gamma"] == 2.0
+
+
+def test_eval_as_json_has_the_promised_columns(results: Path, cli: Any) -> None:
+    status, out, _ = cli("eval", "--results", results, "--json")
+    assert status == 0
+    document = json.loads(out)
+    assert set(document) == {"protocol", "summary", "per_sequence", "per_attribute", "notes"}
+    assert document["protocol"] == "pysot"
+    assert list(document["summary"][0])[:12] == [
+        "dataset",
+        "run",
+        "tracker",
+        "enhancer",
+        "scope",
+        "protocol",
+        "sequences",
+        "frames",
+        "success_auc",
+        "precision_20",
+        "normalized_precision_20",
+        "normalized_precision_auc",
+    ]
+    assert [row["enhancer"] for row in document["summary"]] == ["none", "clahe", "gamma"]
+    assert len(document["per_sequence"]) == 9
+    assert {row["sequence"] for row in document["per_sequence"]} == {"narrow", "tall", "wide"}
+    assert document["summary"][0]["average_overlap"] is None  # NaN is no JSON
+
+
+def test_eval_by_sequence_and_protocol(results: Path, cli: Any) -> None:
+    status, out, _ = cli("eval", "--results", results, "--by", "sequence", "--protocol", "strict")
+    assert status == 0
+    assert "protocol strict" in out
+    assert sum(" still+gamma " in line for line in out.splitlines()) == 3
+
+
+def test_eval_takes_the_folder_of_one_dataset(results: Path, cli: Any) -> None:
+    one = cli("eval", "--results", results, "--json")[1]
+    other = cli("eval", "--results", results / "night_clip", "--json")[1]
+    assert one == other
+
+
+def test_tables_in_every_format(results: Path, tmp_path: Path, cli: Any) -> None:
+    _, console, _ = cli("table", "--results", results)
+    assert "Precision" in console
+    _, markdown, _ = cli("table", "--results", results, "--format", "markdown")
+    assert "| Tracker | Enhancer | Scope | Success | gain % |" in markdown
+    _, csv, _ = cli("table", "--results", results, "--format", "csv")
+    assert csv.startswith("Dataset,Protocol,Tracker,Enhancer,Scope,Success,Success gain %")
+    out = tmp_path / "table.tex"
+    status, printed, _ = cli("table", "--results", results, "--format", "latex", "--out", out)
+    assert (status, printed) == (0, "")
+    assert r"\toprule" in out.read_text()
+
+
+def test_missing_sequences_and_bad_rows_are_told(results: Path, cli: Any) -> None:
+    folder = results / "night_clip" / "still"
+    (folder / "tall.txt").unlink()
+    text = (folder / "wide.txt").read_text().splitlines()
+    (folder / "wide.txt").write_text("\n".join([*text[:-1], "NaN,NaN,NaN,NaN"]))
+    status, out, err = cli("eval", "--results", results, "--json")
+    assert status == 0
+    assert "still: no result of 1 sequences, tall" in err
+    assert "still: 1 bad result rows in wide" in err
+    notes = json.loads(out)["notes"]["night_clip"]
+    assert notes["missing_sequences"] == {"still": ["tall"]}
+    assert notes["bad_result_rows"] == {"still": {"wide": 1}}
+
+
+def test_unequal_lengths_follow_on_length(results: Path, cli: Any) -> None:
+    path = results / "night_clip" / "still" / "wide.txt"
+    path.write_text("\n".join(path.read_text().splitlines()[:5]))
+    status, out, err = cli("eval", "--results", results)
+    assert (status, out) == (2, "")
+    assert err.count("\n") == 1
+    assert "wide.txt" in err
+    assert "5" in err
+    assert "8" in err
+    assert cli("eval", "--results", results, "--on-length", "pad")[0] == 0
+    assert cli("eval", "--results", results, "--on-length", "cut")[0] == 0
+
+
+def test_list_shows_plugins_with_their_options(cli: Any, small_plugins: str) -> None:
+    status, out, _ = cli("list", "--json")
+    assert status == 0
+    document = json.loads(out)
+    by_name = {row["name"]: row for row in document["trackers"]}
+    assert by_name["still"]["options"]["step"] == 0.0
+    assert by_name["siamrpnpp"]["card"]["needs_weights"] is True
+    assert {"uavdark135", "nat2024_2"} <= {row["name"] for row in document["datasets"]}
+    _, out, _ = cli("list", "--enhancers", "l*")
+    assert "ldenhancer" in out
+    assert "gamma" not in out
+
+
+def test_list_marks_a_broken_plugin(cli: Any, monkeypatch: Any) -> None:
+    from nat2024 import registry
+
+    def explode() -> type:
+        message = "no such library"
+        raise ImportError(message)
+
+    entry = registry.Entry("broken", "enhancer", "broken:Broken", explode)
+    monkeypatch.setitem(registry._registered, "broken", entry)
+    status, out, _ = cli("list", "--enhancers", "--json")
+    assert status == 0
+    row = next(r for r in json.loads(out)["enhancers"] if r["name"] == "broken")
+    assert "no such library" in row["state"]
+
+
+def test_dataset_info_and_validate(night_clip: Path, cli: Any) -> None:
+    status, out, _ = cli("dataset", "info", night_clip)
+    assert status == 0
+    assert "frames: 24 in 3 sequences" in out
+    assert "160x96" in out
+    document = json.loads(cli("dataset", "info", night_clip, "--json")[1])
+    assert [one["name"] for one in document["sequences"]] == ["narrow", "tall", "wide"]
+    status, out, _ = cli("dataset", "validate", night_clip)
+    assert status == 0
+    assert out.endswith("ok\n")
+
+
+def test_validate_says_what_is_wrong(night_clip: Path, tmp_path: Path, cli: Any) -> None:
+    copy = tmp_path / "copy"
+    shutil.copytree(night_clip, copy)
+    (copy / "data_seq" / "tall" / "00008.png").unlink()
+    status, out, _ = cli("dataset", "validate", copy)
+    assert status == 1
+    assert "problem: tall" in out
+    assert "7" in out
+    assert "8" in out
+
+
+def test_synthesize_writes_a_dataset_and_never_over_another(tmp_path: Path, cli: Any) -> None:
+    status, _, err = cli("dataset", "synthesize", tmp_path / "clip", "--frames", 3)
+    assert status == 0
+    assert "2 sequences of 3 frames" in err
+    assert len(list((tmp_path / "clip" / "data_seq" / "vehicle2").iterdir())) == 3
+    status, _, err = cli("dataset", "synthesize", tmp_path / "clip")
+    assert status == 2
+    assert "is not empty" in err
+
+
+@pytest.mark.usefixtures("small_plugins")
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        ("rnu", "no such command 'rnu'; closest: run"),
+        ("run", "Missing option '--tracker'"),
+        ("run --tracker stil --dataset {clip}", "unknown tracker 'stil'; closest: still"),
+        ("run --tracker still --enhancer gama --dataset {clip}", "unknown enhancer 'gama'"),
+        ("run --tracker still --dataset nothing_here", "nothing_here"),
+        (
+            "run --tracker still --dataset {clip} --sequences wid",
+            "no sequence 'wid'; closest: wide",
+        ),
+        (
+            "run --tracker still --dataset {clip} --opt still.stp=1",
+            "no option 'stp'; closest: step",
+        ),
+        ("run --tracker still --dataset {clip} --opt still=1", "expected NAME[@LABEL].KEY=VALUE"),
+        ("run --tracker still --dataset {clip} --opt step", "expected KEY=VALUE"),
+        ("run --tracker still --dataset {clip} --weights still=a.pth", "still takes no weights"),
+        ("run --tracker siamrpnpp --dataset {clip}", "no weights for siamrpnpp: pass them with"),
+        (
+            "run --tracker siamrpnpp --dataset {clip} --weights siamrpnpp=absent.pth",
+            "absent.pth: no such file",
+        ),
+        ("run --tracker opencv_nano --dataset {clip} --scope patch", "takes only scope=frame"),
+        ("run --tracker still --dataset {clip} --device cuda:99", "torch sees"),
+        ("eval --results absent", "absent: no such results folder"),
+        ("eval --results {empty}", "holds no results"),
+        ("eval --results {empty} --protocol pyso", "pyso"),
+        ("eval --results {empty} --protocol-option labl=uav", "no option 'labl'; closest: label"),
+        ("table --results {empty} --out a.csv", "--out needs --format"),
+        ("dataset info absent", "absent"),
+        ("dataset validate {empty}", "{empty}"),
+        ("list --plugin absent.py", "absent.py cannot be loaded"),
+    ],
+)
+def test_each_mistake_is_one_line_and_status_2(
+    words: str, told: str, night_clip: Path, tmp_path: Path, cli: Any
+) -> None:
+    empty = tmp_path / "empty"
+    empty.mkdir()
+    places = {"clip": night_clip, "empty": empty}
+    extra = ["--results", str(tmp_path / "r")] if words.startswith("run ") else []
+    status, out, err = cli(*words.format(**places).split(), *extra)
+    assert status == 2
+    assert out == ""
+    last = err.splitlines()[-1]
+    assert told.format(**places) in last
+    assert last.startswith("nat-bench: ")
+    assert "Traceback" not in err
+    assert len(err.splitlines()) == 1
+
+
+def test_debug_shows_the_traceback(cli: Any, tmp_path: Path) -> None:
+    status, _, err = cli("eval", "--results", tmp_path / "absent", "--debug")
+    assert status == 2
+    assert "Traceback" in err
+
+
+def test_without_a_dataset_the_sample_is_named(cli: Any, small_plugins: str) -> None:
+    status, _, err = cli("run", "--tracker", "still")
+    assert status == 2  # the bundled sample is not part of this version yet
+    assert "no --dataset given, taking the sample night_mini" in err
