@@ -66,8 +66,8 @@ def _read_torch(path: Path) -> Any:
         reason = str(error).split("\n", 1)[0]
         msg = f"{path}: refused, it holds more than tensors or is no checkpoint ({reason})"
         raise WeightsMismatch(msg) from None
-    except (RuntimeError, EOFError, OSError, ValueError, KeyError, AttributeError) as error:
-        reason = str(error).split("\n", 1)[0]
+    except Exception as error:  # damaged bytes can fail anywhere inside the unpickler
+        reason = str(error).split("\n", 1)[0] or type(error).__name__
         msg = f"{path}: not a readable PyTorch checkpoint ({reason})"
         raise WeightsMismatch(msg) from None
 
