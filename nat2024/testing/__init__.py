@@ -1,0 +1,5 @@
+"""Conformance suites: what every plugin must keep, for our own plugins and for others'."""
+
+from nat2024.testing.enhancers import check_enhancer
+
+__all__ = ["check_enhancer"]
