@@ -1,0 +1,1 @@
+"""LDEnhancer: lights an image up by suppressing its light distribution (IROS 2024)."""

@@ -1,0 +1,307 @@
+"""The network of LDEnhancer (Yao et al., IROS 2024), symbols as in the paper.
+
+An image is brought to 1/16 of its size and split into light features F1 and content features F2.
+Both are decoded to images, O2 (the light distribution) and O1 (the content, after cross attention
+of F2 to F1); two small nets estimate the curve parameters P_S and P_E of every pixel from them, and
+the difference of the two curves lights the image up without lighting its lamps up.
+
+Images are float32 (N, 3, H, W), sides multiples of 16; feature maps are NCHW, tokens (N, H*W, C).
+Names of modules are those of the official state dict.
+"""
+
+from collections.abc import Iterator
+from typing import Literal, NamedTuple
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor, nn
+
+from nat2024.errors import ArrayContract
+
+STRIDE = 16
+"""How much smaller the feature maps are than the image."""
+
+_FEATURES = 8
+_GROUP = 3  # one curve parameter for each colour
+_TABLE = 500
+_HALO = 5  # the estimation net's five 3x3 convolutions see this far
+_BAND_PIXELS = 1 << 17
+
+
+class Down(nn.Module):
+    """Halves both sides."""
+
+    def __init__(self, inputs: int, outputs: int) -> None:
+        super().__init__()
+        self.conv = nn.Sequential(
+            nn.Conv2d(inputs, outputs, 2, 2), nn.BatchNorm2d(outputs), nn.ReLU(inplace=True)
+        )
+
+    def forward(self, x: Tensor) -> Tensor:
+        """(N, inputs, H, W) to (N, outputs, H / 2, W / 2)."""
+        return self.conv(x)  # type: ignore[no-any-return]
+
+
+class Up(nn.Module):
+    """Doubles both sides."""
+
+    def __init__(self, inputs: int, outputs: int) -> None:
+        super().__init__()
+        self.upsample = nn.Sequential(
+            nn.ConvTranspose2d(inputs, outputs, 2, 2),
+            nn.BatchNorm2d(outputs),
+            nn.ReLU(inplace=True),
+        )
+
+    def forward(self, x: Tensor) -> Tensor:
+        """(N, inputs, H, W) to (N, outputs, 2 H, 2 W)."""
+        return self.upsample(x)  # type: ignore[no-any-return]
+
+
+class Encoder(nn.Module):
+    """Image to features F0 at 1/16 of the size."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.d1 = Down(3, 4)
+        self.d2 = Down(4, 4)
+        self.d3 = Down(4, _FEATURES)
+        self.d4 = Down(_FEATURES, _FEATURES)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """(N, 3, H, W) to (N, 8, H / 16, W / 16)."""
+        return self.d4(self.d3(self.d2(self.d1(x))))  # type: ignore[no-any-return]
+
+
+class Decoder(nn.Module):
+    """Features to an image, which has no upper bound: the last step is a ReLU as well."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.u1 = Up(_FEATURES, _FEATURES)
+        self.u2 = Up(_FEATURES, 4)
+        self.u3 = Up(4, 4)
+        self.u4 = Up(4, 3)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """(N, 8, H / 16, W / 16) to (N, 3, H, W)."""
+        return self.u4(self.u3(self.u2(self.u1(x))))  # type: ignore[no-any-return]
+
+
+class AttentionLayer(nn.Module):
+    """Post-norm transformer layer whose queries and keys come from different features."""
+
+    def __init__(self, heads: int, ffn: int, dropout: float) -> None:
+        super().__init__()
+        self.multihead_attn = nn.MultiheadAttention(_FEATURES, heads, dropout, batch_first=True)
+        self.linear1 = nn.Linear(_FEATURES, ffn)
+        self.linear2 = nn.Linear(ffn, _FEATURES)
+        self.norm1 = nn.LayerNorm(_FEATURES)
+        self.norm2 = nn.LayerNorm(_FEATURES)
+        self.dropout = nn.Dropout(dropout)
+
+    def forward(self, content: Tensor, light: Tensor, position: Tensor) -> Tensor:
+        """Tokens (N, L, 8) of F2 and F1 and position codes (L, 8) to tokens (N, L, 8)."""
+        attended = self._attend(content + position, light + position, light)
+        middle = self.norm1(content + self.dropout(attended))
+        hidden = self.dropout(F.relu(self.linear1(middle)))
+        return self.norm2(middle + self.dropout(self.linear2(hidden)))  # type: ignore[no-any-return]
+
+    def _attend(self, query: Tensor, key: Tensor, value: Tensor) -> Tensor:
+        # nn.MultiheadAttention itself may build the (L, L) matrix: 2 GB for a 1920x1080 image.
+        attention = self.multihead_attn
+        weights = attention.in_proj_weight.chunk(3)
+        biases = attention.in_proj_bias.chunk(3)
+        q, k, v = (
+            F.linear(tokens, weight, bias)
+            .view(*tokens.shape[:2], attention.num_heads, -1)
+            .transpose(1, 2)
+            for tokens, weight, bias in zip((query, key, value), weights, biases, strict=True)
+        )
+        dropout = attention.dropout if self.training else 0.0
+        # The CPU's fused kernel takes head dimension 1 as it is, those of GPUs want multiples of 8.
+        multiple = 1 if query.device.type == "cpu" else 8
+        attended = fused_attention(q, k, v, dropout=dropout, head_multiple=multiple)
+        return attention.out_proj(attended.transpose(1, 2).flatten(2))  # type: ignore[no-any-return]
+
+
+def fused_attention(
+    query: Tensor, key: Tensor, value: Tensor, *, dropout: float = 0.0, head_multiple: int = 1
+) -> Tensor:
+    """Attention of (N, heads, L, d) by a kernel that never holds the L x L matrix.
+
+    The head dimension d is filled up with zeros, which change nothing, to a multiple of
+    `head_multiple`. (PyTorch on a CPU does hold the matrix where there is dropout.)
+    """
+    size = query.shape[-1]
+    extra = -size % head_multiple
+    if extra:
+        query, key, value = (F.pad(tokens, (0, extra)) for tokens in (query, key, value))
+    scale = size**-0.5
+    attended = F.scaled_dot_product_attention(query, key, value, dropout_p=dropout, scale=scale)
+    return attended[..., :size]
+
+
+class CrossAttention(nn.Module):
+    """Takes out of the content features what the light features explain."""
+
+    def __init__(self, heads: int, ffn: int, dropout: float) -> None:
+        super().__init__()
+        self.layer = AttentionLayer(heads, ffn, dropout)
+        self.row_embed = nn.Embedding(_TABLE, _FEATURES // 2)
+        self.col_embed = nn.Embedding(_TABLE, _FEATURES // 2)
+
+    def forward(self, content: Tensor, light: Tensor) -> Tensor:
+        """F2 and F1, both (N, 8, h, w), to M of the same shape."""
+        height, width = content.shape[-2:]
+        columns = self.col_embed.weight[:width].expand(height, -1, -1)
+        rows = self.row_embed.weight[:height, None].expand(-1, width, -1)
+        position = torch.cat([columns, rows], dim=-1).flatten(0, 1)
+        tokens = self.layer(_to_tokens(content), _to_tokens(light), position)
+        # Contiguous for the BatchNorms: their CPU statistics of channels-last data are inexact.
+        return tokens.transpose(1, 2).contiguous().unflatten(-1, (height, width))  # type: ignore[no-any-return]
+
+
+def _to_tokens(features: Tensor) -> Tensor:
+    return features.flatten(2).transpose(1, 2)
+
+
+class CurveEstimation(nn.Module):
+    """Curve parameters of every pixel, -1..1, from a decoded image."""
+
+    def __init__(self, outputs: int) -> None:
+        super().__init__()
+        self.e_conv1 = nn.Conv2d(3, 16, 3, padding=1)
+        self.e_conv2 = nn.Conv2d(16, 16, 3, padding=1)
+        self.e_conv3 = nn.Conv2d(16, 16, 3, padding=1)
+        self.e_conv4 = nn.Conv2d(32, 16, 3, padding=1)
+        self.e_conv5 = nn.Conv2d(32, outputs, 3, padding=1)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """(N, 3, H, W) to (N, outputs, H, W)."""
+        # On a CPU convolutions of 16 channels take half the time channels-last.
+        x1 = F.relu_(self.e_conv1(x.contiguous(memory_format=torch.channels_last)))
+        x2 = F.relu_(self.e_conv2(x1))
+        x3 = F.relu_(self.e_conv3(x2))
+        x4 = F.relu_(_convolve_pair(self.e_conv4, x2, x3))
+        return torch.tanh(_convolve_pair(self.e_conv5, x1, x4))
+
+    def rows(self, x: Tensor, start: int, stop: int) -> Tensor:
+        """Rows `start` to `stop` of what `forward` gives, computed from these rows and a halo."""
+        above = max(start - _HALO, 0)
+        parameters = self(x[..., above : stop + _HALO, :])
+        return parameters[..., start - above : stop - above, :]  # type: ignore[no-any-return]
+
+
+def _convolve_pair(layer: nn.Conv2d, first: Tensor, second: Tensor) -> Tensor:
+    """What `layer` gives for the two inputs one after the other, without copying them together."""
+    of_first, of_second = layer.weight.chunk(2, dim=1)
+    answer = F.conv2d(first, of_first, layer.bias, padding=1)
+    return answer.add_(F.conv2d(second, of_second, padding=1))
+
+
+class Features(NamedTuple):
+    """What is known before the curves are estimated."""
+
+    F0: Tensor
+    F1: Tensor
+    M: Tensor
+    O1: Tensor
+    O2: Tensor
+
+
+class LDEnhancerNet(nn.Module):
+    """LDEnhancer for images whose sides are multiples of 16.
+
+    Args:
+        iterations: how often the curves are applied, each time with their own parameters.
+        iteration_sign: "code" adds A (x^2 - x) as the official code does, "paper" adds A x (1 - x).
+        heads: attention heads; they divide 8.
+        ffn: width of the layer after the attention.
+        dropout: in the attention and after it, in training.
+    """
+
+    def __init__(
+        self,
+        *,
+        iterations: int = 4,
+        iteration_sign: Literal["code", "paper"] = "code",
+        heads: int = 8,
+        ffn: int = 64,
+        dropout: float = 0.3,
+    ) -> None:
+        super().__init__()
+        self.sign = 1.0 if iteration_sign == "code" else -1.0
+        self.downsamplenet = Encoder()
+        self.upsamplenet_light = Decoder()
+        self.upsamplenet_content = Decoder()
+        self.CrossAttention = CrossAttention(heads, ffn, dropout)
+        self.decompose = nn.Conv2d(_FEATURES, _FEATURES, 1)
+        self.light_estimation = CurveEstimation(_GROUP * iterations)
+        self.content_estimation = CurveEstimation(_GROUP * iterations)
+
+    def forward(self, image: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Enhance images.
+
+        Returns:
+            The enhanced images (N, 3, H, W), not clamped; O2 (N, 3, H, W); and A = P_E - P_S,
+            (N, 3 * iterations, H, W), -2..2.
+
+        Raises:
+            ArrayContract: a side is no multiple of 16 or above 8000 pixels.
+        """
+        features = self._features(image)
+        amounts = []
+        enhanced = []
+        # Bands of rows give the same numbers as the whole image, with a fraction of its memory.
+        for start, stop in self._bands(image):
+            amount = self.content_estimation.rows(features.O1, start, stop)
+            amount = amount - self.light_estimation.rows(features.O2, start, stop)
+            amount = amount.contiguous()
+            enhanced.append(self._iterate(image[..., start:stop, :], amount))
+            amounts.append(amount)
+        return torch.cat(enhanced, dim=-2), features.O2, torch.cat(amounts, dim=-2)
+
+    def maps(self, image: Tensor) -> dict[str, Tensor]:
+        """All intermediate maps of an image by their names in the paper; see `forward`."""
+        features = self._features(image)
+        light = self.light_estimation(features.O2)
+        content = self.content_estimation(features.O1)
+        return {**features._asdict(), "P_S": light, "P_E": content, "A": content - light}
+
+    def _features(self, image: Tensor) -> Features:
+        _check_sides(*image.shape[-2:])
+        mixed = self.downsamplenet(image.contiguous())
+        light = self.decompose(mixed)
+        attended = self.CrossAttention(mixed - light, light)
+        content_image = self.upsamplenet_content(attended)
+        light_image = self.upsamplenet_light(light)
+        return Features(mixed, light, attended, content_image, light_image)
+
+    def _iterate(self, image: Tensor, amount: Tensor) -> Tensor:
+        for step in amount.chunk(amount.shape[1] // _GROUP, dim=1):
+            image = torch.addcmul(image, step, image * image - image, value=self.sign)
+        return image
+
+    def _bands(self, image: Tensor) -> Iterator[tuple[int, int]]:
+        count, _, height, width = image.shape
+        # Training keeps every band for the gradient, so bands would save nothing there.
+        rows = height if torch.is_grad_enabled() else max(_BAND_PIXELS // (count * width), STRIDE)
+        for start in range(0, height, rows):
+            yield start, min(start + rows, height)
+
+
+def _check_sides(height: int, width: int) -> None:
+    if height % STRIDE or width % STRIDE:
+        msg = (
+            f"LDEnhancer takes sides that are multiples of {STRIDE}, not {width}x{height}; "
+            f"pad_multiple={STRIDE} pads any image to such sides"
+        )
+        raise ArrayContract(msg)
+    longest = _TABLE * STRIDE
+    if max(height, width) > longest:
+        msg = (
+            f"LDEnhancer takes at most {longest} pixels a side (it knows {_TABLE} positions), "
+            f"not {width}x{height}; scale the image down or enhance parts of it"
+        )
+        raise ArrayContract(msg)

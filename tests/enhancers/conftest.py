@@ -1,0 +1,67 @@
+"""Weights and inputs that are made from formulas, and short descriptions of arrays."""
+
+import zlib
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from torch import nn
+
+_NORMS = (nn.modules.batchnorm._BatchNorm, nn.LayerNorm, nn.InstanceNorm2d)
+
+
+def make_procedural_state(model: nn.Module, gain: float = 1.0) -> dict[str, torch.Tensor]:
+    """The parity kit's procedural weights for a network: every tensor drawn from its own name."""
+    norms = {f"{name}.weight" for name, part in model.named_modules() if isinstance(part, _NORMS)}
+    state = {}
+    for key, value in model.state_dict().items():
+        if not value.is_floating_point():
+            state[key] = value.clone()
+            continue
+        seed = zlib.crc32(key.encode())
+        z = np.random.Generator(np.random.PCG64(seed)).standard_normal(tuple(value.shape))
+        if key.endswith("running_mean"):
+            z = 0.1 * z
+        elif key.endswith("running_var"):
+            z = 1 + 0.1 * np.abs(z)
+        elif value.ndim >= 2:
+            z = gain * z / np.sqrt(np.prod(value.shape[1:]))
+        else:
+            z = 1 + 0.1 * z if key in norms else 0.05 * z
+        state[key] = torch.from_numpy(np.asarray(z, dtype=np.float32))
+    return state
+
+
+def make_procedural_batch(name: str, shape: tuple[int, ...]) -> torch.Tensor:
+    """A float32 batch in 0..1, mostly dark, drawn from `name`."""
+    random = np.random.Generator(np.random.PCG64(zlib.crc32(name.encode())))
+    return torch.from_numpy((random.random(shape) ** 2).astype(np.float32))
+
+
+def describe_array(array: Any, samples: int = 24) -> dict[str, Any]:
+    """Shape, mean, standard deviation and evenly spread values, as stored in tests/data."""
+    values = np.asarray(array, dtype=np.float64)
+    places = np.linspace(0, values.size - 1, samples).astype(int)
+    return {
+        "shape": list(values.shape),
+        "mean": round(float(values.mean()), 8),
+        "std": round(float(values.std()), 8),
+        "samples": [round(float(value), 7) for value in values.reshape(-1)[places]],
+    }
+
+
+@pytest.fixture(scope="session")
+def procedural_state() -> Callable[..., dict[str, torch.Tensor]]:
+    return make_procedural_state
+
+
+@pytest.fixture(scope="session")
+def procedural_batch() -> Callable[[str, tuple[int, ...]], torch.Tensor]:
+    return make_procedural_batch
+
+
+@pytest.fixture(scope="session")
+def describe() -> Callable[..., dict[str, Any]]:
+    return describe_array
