@@ -1,0 +1,1 @@
+"""The trackers that nat-bench brings along, one sub-package each."""

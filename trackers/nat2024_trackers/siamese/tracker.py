@@ -1,0 +1,181 @@
+"""The loop: crop, enhance, network, decode, penalise, update, for one or several sequences."""
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from nat2024.errors import ArrayContract, UsageError
+from nat2024.interfaces import BatchEnhancer, Scope, Tracker
+from nat2024.types import Box, Floats, Image
+from nat2024_trackers.siamese.crops import crop, mean_color, search_window, template_side
+from nat2024_trackers.siamese.selection import cosine_window, select
+from nat2024_trackers.siamese.state import (
+    Candidates,
+    Constants,
+    Features,
+    FirstFrame,
+    Step,
+    Target,
+)
+
+if TYPE_CHECKING:
+    import torch
+
+Maps: TypeAlias = tuple[npt.NDArray[np.float32], ...]
+"""Outputs of a network, float32 (n, channels, map, map) each."""
+
+Decoder: TypeAlias = Callable[[Maps], Candidates]
+"""From a network's outputs to scores and boxes."""
+
+
+class SiameseNetwork(Protocol):
+    """What the loop asks of a network; crops are float32 (n, 3, side, side), 0..255, BGR."""
+
+    def embed(self, template: "torch.Tensor", /) -> Features:
+        """Everything that depends on the template crops only; axis 0 counts the sequences."""
+        ...
+
+    def match(self, features: Features, search: "torch.Tensor", /) -> "tuple[torch.Tensor, ...]":
+        """Response maps of the search crops, (n, channels, map, map) each."""
+        ...
+
+
+class SiameseTracker(Tracker):
+    """A tracker made of a network, a decoder and constants.
+
+    Template features are computed at `init`, so weights loaded into `.model` take effect at the
+    next `init`.
+
+    Attributes:
+        model: the network, a `SiameseNetwork`, in eval mode.
+        decoder: from the network's outputs to candidates.
+        constants: of this tracker and variant.
+        enhance_template: whether the enhancer sees the template crop too (scope "patch").
+        last_step: outcome of the latest `update`, None right after `init`.
+    """
+
+    def __init__(
+        self,
+        model: "torch.nn.Module",
+        decoder: Decoder,
+        constants: Constants,
+        *,
+        enhancer: BatchEnhancer | None = None,
+        device: str = "cpu",
+        scope: Scope | None = None,
+        enhance_template: bool = True,
+    ) -> None:
+        """Put the parts together; `enhancer`, `device` and `scope` as in `Tracker`."""
+        super().__init__(enhancer=enhancer, device=device, scope=scope)
+        self.model: Any = model.to(device).eval()
+        self.decoder = decoder
+        self.constants = constants
+        self.enhance_template = enhance_template
+        self.last_step: Step | None = None
+        self._window: Floats = cosine_window(constants)
+        self._first: FirstFrame | None = None
+        self._target: Target | None = None
+
+    @property
+    def target(self) -> Target:
+        """The state: where the target was last seen. It may be set, to go on from elsewhere."""
+        return self._started()[1]
+
+    @target.setter
+    def target(self, target: Target) -> None:
+        self._started()
+        self._target = target
+
+    def start(self, image: Image, box: Box) -> Box:
+        """Start on an image; the answer is x + 0.5, y + 0.5, w, h as official testers write it."""
+        self._first, self._target = self.begin(image, box)
+        self.last_step = None
+        x, y, width, height = box.tolist()
+        return np.array([x + 0.5, y + 0.5, width, height], dtype=np.float64)
+
+    def advance(self, image: Image) -> tuple[Box, float]:
+        """Follow into the next image; the score is the network's own, without penalty."""
+        first, target = self._started()
+        [step] = self.advance_all([image], [first], [target])
+        self._target, self.last_step = step.target, step
+        return step.box, step.score
+
+    def begin(self, image: Image, box: Box) -> tuple[FirstFrame, Target]:
+        """First frame of any sequence, without touching this tracker's own state."""
+        target = Target.from_annotation(box)
+        side = template_side(target, self.constants)
+        fill = mean_color(image)
+        template = crop(image, target, side, self.constants.exemplar_size, fill)
+        return FirstFrame(fill, side, self._embed([template])), target
+
+    def advance_all(
+        self, images: Sequence[Image], firsts: Sequence[FirstFrame], targets: Sequence[Target]
+    ) -> list[Step]:
+        """One frame of several sequences in one batch, without touching this tracker's own state.
+
+        Args:
+            images: the next frame of each sequence; sizes may differ.
+            firsts: what `begin` gave for each.
+            targets: the state of each.
+        """
+        constants = self.constants
+        sizes = [(image.shape[1], image.shape[0]) for image in images]
+        windows = [
+            search_window(target, first, size, constants)
+            for target, first, size in zip(targets, firsts, sizes, strict=True)
+        ]
+        crops = [
+            crop(image, target, window.side, constants.instance_size, first.fill)
+            for image, target, window, first in zip(images, targets, windows, firsts, strict=True)
+        ]
+        found = self.decoder(self._match([first.features for first in firsts], crops))
+        return [
+            select(scores, boxes, target, window, self._window, size, constants)
+            for scores, boxes, target, window, size in zip(
+                found.scores, found.boxes, targets, windows, sizes, strict=True
+            )
+        ]
+
+    def _started(self) -> tuple[FirstFrame, Target]:
+        if self._first is None or self._target is None:
+            msg = f"{self.name}: update before init; call init(image, box) on the first frame"
+            raise UsageError(msg)
+        return self._first, self._target
+
+    def _embed(self, crops: Sequence[Image]) -> Features:
+        import torch
+
+        batch = self._batch(crops, enhanced=self.enhance_template)
+        with torch.inference_mode():
+            features: Features = self.model.embed(batch)
+        return features
+
+    def _match(self, features: Sequence[Features], crops: Sequence[Image]) -> Maps:
+        import torch
+
+        batch = self._batch(crops, enhanced=True)
+        with torch.inference_mode():
+            joined = tuple(torch.cat(parts) for parts in zip(*features, strict=True))
+            outputs = self.model.match(joined, batch)
+        return tuple(output.float().cpu().numpy() for output in outputs)
+
+    def _batch(self, crops: Sequence[Image], *, enhanced: bool) -> "torch.Tensor":
+        """float32 (n, 3, side, side) in 0..255, BGR; enhanced crops are not rounded."""
+        import torch
+
+        pixels = torch.from_numpy(np.stack(crops).transpose(0, 3, 1, 2).copy())
+        batch = pixels.to(self.device).float()
+        if self.enhancer is None or self.scope != "patch" or not enhanced:
+            return batch
+        with torch.no_grad():
+            given = (batch / 255.0).to(getattr(self.enhancer, "device", self.device))
+            better = self.enhancer.enhance_batch(given)
+        if better.shape != batch.shape:
+            msg = (
+                f"the enhancer turned crops of shape {tuple(batch.shape)} "
+                f"into {tuple(better.shape)}; it must keep the shape"
+            )
+            raise ArrayContract(msg)
+        return better.detach().to(device=batch.device, dtype=torch.float32) * 255.0

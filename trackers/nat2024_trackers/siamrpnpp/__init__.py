@@ -1,0 +1,1 @@
+"""SiamRPN++ of Li et al., CVPR 2019."""
