@@ -50,11 +50,15 @@ def find_weights(name: str, spec: WeightsSpec, card: Card) -> Weights:
     return Weights(path, "given", digest, known)
 
 
-def sha256_of(path: Path) -> str:
-    """Hexadecimal sha256 of a file, or of the names and contents of a folder's files."""
+def sha256_of(path: Path, *more: Path) -> str:
+    """Hexadecimal sha256 of a file, or of the names and contents of several.
+
+    A folder counts as all files directly in it.
+    """
     digest = hashlib.sha256()
-    if path.is_dir():
-        for file in sorted(p for p in path.iterdir() if p.is_file()):
+    if more or path.is_dir():
+        files = (path, *more) if more else (p for p in path.iterdir() if p.is_file())
+        for file in sorted(files, key=lambda file: file.name):
             digest.update(f"{file.name}\0{sha256_of(file)}\0".encode())
         return digest.hexdigest()
     with path.open("rb") as stream:
