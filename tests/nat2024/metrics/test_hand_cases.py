@@ -76,6 +76,15 @@ def test_trackingnet_fails_missing_rows_and_drops_surplus_ones() -> None:
     assert surplus.success_auc == 1
 
 
+def test_trackingnet_divides_the_difference_of_centers() -> None:
+    # 7 px of a width of 14 is 0.5 and passes the last threshold; dividing each centre first, as
+    # other toolkits do, gives 0.5000000000000009 and fails
+    truth, predicted = [[100, 100, 14, 10]] * 2, [[100, 100, 14, 10], [107, 100, 14, 10]]
+    scores = evaluate_boxes(predicted, truth, protocol="trackingnet")
+    assert scores.normalized_precision_curve[50] == 1
+    assert evaluate_boxes(predicted, truth, protocol="lasot").normalized_precision_curve[50] < 0.6
+
+
 def test_trackingnet_knows_no_absent_frames() -> None:
     # a NaN truth compares false everywhere and stays in the divisor: 1 of 2 frames
     scores = evaluate_boxes([TRUE, TRUE], [TRUE, NAN], protocol="trackingnet")
@@ -228,9 +237,11 @@ def test_strict_leaves_out_invisible_frames() -> None:
     assert scores.success_auc == 1
 
 
-def test_strict_counts_a_result_without_size_as_no_overlap() -> None:
-    # overlap 0 passes threshold 0 only: 1/21; its centre is 151 px away
-    scores = evaluate_boxes([TRUE, [0, 0, 0, 0]], [TRUE, TRUE], protocol="strict")
+@pytest.mark.parametrize("bad", [[0, 0, 0, 0], [300, 100, -20, 10]])
+def test_strict_counts_a_result_without_size_as_no_overlap(bad) -> None:
+    # Overlap 0 passes threshold 0 only: 1/21. Centres are 151 and 180 px away. The areas 200 and
+    # -20 x 10 would make a union of 0.
+    scores = evaluate_boxes([TRUE, bad], [TRUE, TRUE], protocol="strict")
     assert scores.success_auc == close(1 / 21)
     assert scores.precision_20 == 0
 

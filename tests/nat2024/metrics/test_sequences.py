@@ -93,6 +93,46 @@ def test_otb_repeats_the_previous_row() -> None:
     assert evaluate_boxes(predicted, [TRUE] * 4, protocol="lasot").precision_20 == 1
 
 
+@pytest.mark.parametrize("protocol", ["otb", "lasot", Protocol("pytracking", label="uav")])
+def test_bad_rows_are_left_where_the_truth_is_absent(protocol) -> None:
+    # row 3 is not repaired, as its truth is NaN; row 4 repeats it as it is and fails
+    truth, flat = [TRUE, TRUE, NAN, TRUE], [0, 0, 0, 0]
+    scores = evaluate_boxes([TRUE, TRUE, flat, flat], truth, protocol=protocol)
+    assert scores.success_curve[0] == pytest.approx(2 / 4)
+
+
+@pytest.mark.parametrize("protocol", ["otb", "trackingnet"])
+def test_a_nan_corner_is_ignored_as_in_matlab_and_pandas(protocol) -> None:
+    # of x, only the truth's edges are left: 20 x 10 shared by equal areas; the centre is unknown
+    scores = evaluate_boxes([TRUE, [np.nan, 100, 20, 10]], [TRUE] * 2, protocol=protocol)
+    np.testing.assert_array_equal(scores.overlap, [1, 1])
+    assert scores.precision_20 == 0.5
+    assert evaluate_boxes([[np.nan, 100, 20, 10]], [TRUE]).success_auc == 0
+
+
+@pytest.mark.parametrize("protocol", ["otb", "lasot"])
+def test_matlab_toolkits_add_epsilon_to_the_divisor(protocol) -> None:
+    scores = evaluate_boxes([TRUE], [TRUE], protocol=protocol)
+    assert scores.precision_20 == 1 / (1 + 2**-52) < 1
+
+
+def test_got10k_adds_epsilon_to_the_union() -> None:
+    # squares of 2**-26: area 2**-52, as much as the epsilon, hence one half; without area 0
+    boxes = [TRUE, [0, 0, 2.0**-26, 2.0**-26], [5, 5, 0, 0]]
+    scores = evaluate_boxes(boxes, boxes, protocol="got10k-ope")
+    np.testing.assert_array_equal(scores.overlap[1:], [0.5, 0])
+    assert evaluate_boxes(boxes[1:2], boxes[1:2]).overlap[0] == 1
+
+
+def test_pysot_divides_by_a_size_that_is_never_zero() -> None:
+    # a point at (4.5, 4.5): the same centre is at distance 0, one 1 px off at 1e16
+    point = [5, 5, 0, 0]
+    scores = evaluate_boxes([[4, 4, 2, 2], [5, 4, 2, 2]], [point] * 2)
+    np.testing.assert_array_equal(scores.normalized_precision_curve, np.full(51, 0.5))
+    np.testing.assert_array_equal(scores.normalized_center_error[0], 0)
+    assert scores.normalized_center_error[1] == pytest.approx(1e16)
+
+
 def test_a_bad_second_row_becomes_the_given_first_one_not_the_truth() -> None:
     for protocol in ("otb", "lasot", "pytracking"):
         scores = evaluate_boxes([FAR, [0, 0, 0, 0]], [TRUE] * 2, protocol=protocol)
