@@ -176,7 +176,7 @@ class Evaluation:
             "tracker": run.tracker,
             "enhancer": run.enhancer,
             "scope": run.scope,
-            "protocol": self.protocol.name,
+            "protocol": self.protocol.title,
             "sequences": len(scores),
             "frames": sum(one.frames for one in scores),
             **{name: getattr(total, name) for name in SCORES},
@@ -246,7 +246,9 @@ def _score_run(
         if sequence.name not in finished or not len(sequence.boxes):
             continue
         pair = _pair(run, sequence)
-        scores[sequence.name] = pair.score(protocol, on_length)
+        # GOT-10k clips boxes to the image; no other protocol needs to look at one.
+        size = sequence.frame_size if protocol.name == "got10k-ao" else None
+        scores[sequence.name] = pair.score(protocol.for_sequence(size), on_length)
         if protocol.name == _COMPARED_WITH_STRICT:
             strict.append(pair.score(get_protocol("strict"), on_length))
     missing = [s.name for s in dataset if s.is_annotated and s.name not in finished]

@@ -28,7 +28,7 @@ def image_to_batch(image: Image, device: Any = "cpu", *, reverse: bool = False) 
     import torch
 
     source = image[..., ::-1] if reverse else image
-    pixels = torch.from_numpy(np.ascontiguousarray(source.transpose(2, 0, 1))).to(device)
+    pixels = torch.from_numpy(source.transpose(2, 0, 1).copy()).to(device)
     return pixels.unsqueeze(0).to(torch.float32).div_(255.0)
 
 
@@ -42,7 +42,7 @@ def batch_to_image(batch: "torch.Tensor", *, reverse: bool = False) -> Image:
 
 
 def check_batch(batch: Any) -> None:
-    """Raise `ArrayContract` unless `batch` is a float32 tensor (N, 3, H, W) without NaN."""
+    """Raise `ArrayContract` unless `batch` is a float32 tensor (N, 3, H, W) and not empty."""
     import torch
 
     if not isinstance(batch, torch.Tensor) or batch.dtype != torch.float32:

@@ -93,7 +93,7 @@ class NeuralEnhancer(Enhancer, ABC):
     loaded into `.model` takes effect at the next call.
     """
 
-    stride: ClassVar[int] = 1
+    stride: int = 1
 
     def __init__(
         self,

@@ -85,7 +85,7 @@ def print_scores(evaluations: "Iterable[Evaluation]") -> None:
 def document(evaluations: "list[Evaluation]") -> dict[str, Any]:
     """The JSON object of `eval` and `table`."""
     return {
-        "protocol": evaluations[0].protocol.name,
+        "protocol": evaluations[0].protocol.title,
         "summary": [row for e in evaluations for row in rows_of(e.summary())],
         "per_sequence": [row for e in evaluations for row in rows_of(e.per_sequence())],
         "per_attribute": [row for e in evaluations for row in rows_of(e.per_attribute())],

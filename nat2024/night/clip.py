@@ -76,8 +76,8 @@ def _ground(rng: np.random.Generator, width: int, height: int) -> Floats:
         albedo += strength * np.asarray(fine, dtype=np.float64)
     for y in rng.uniform(0, height, size=3).astype(int):
         cv2.line(albedo, (0, int(y)), (width, int(y) + 25), 0.6, 2)
-    tint = np.array([0.9, 1.0, 1.0])
-    return np.clip(albedo, 0.03, 0.9)[..., None] * tint
+    tinted: Floats = np.clip(albedo, 0.03, 0.9)[..., None] * np.array([0.9, 1.0, 1.0])
+    return tinted
 
 
 def _vehicle(rng: np.random.Generator, size: tuple[int, int]) -> Floats:
@@ -97,7 +97,7 @@ def _route(rng: np.random.Generator, clip: Clip) -> tuple[Floats, Floats]:
     width, height = clip.size
     target_width, target_height = clip.target_size
     room = np.array([width - target_width - 24, height - target_height - 24], dtype=np.float64)
-    start = 12 + room * np.array([0.05, rng.uniform(0.2, 0.8)])
+    start: Floats = 12 + room * np.array([0.05, rng.uniform(0.2, 0.8)])
     end = 12 + room * np.array([0.85, rng.uniform(0.2, 0.8)])
     return start, end
 
@@ -119,8 +119,7 @@ def _place(scene: Floats, sprite: Floats, corner: Floats) -> Floats:
     mask = cv2.warpAffine(np.ones(sprite.shape[:2]), shift, (width, height))[..., None]
     body = cv2.warpAffine(sprite, shift, (width, height))
     shadow = cv2.GaussianBlur(np.roll(mask[..., 0], (3, 2), axis=(0, 1)), (0, 0), 2)[..., None]
-    placed: Floats = scene * (1 - 0.6 * shadow) * (1 - mask) + body
-    return placed
+    return np.asarray(scene * (1 - 0.6 * shadow) * (1 - mask) + body, dtype=np.float64)
 
 
 def _light(lamps: Floats, size: tuple[int, int]) -> Floats:

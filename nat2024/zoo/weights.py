@@ -68,7 +68,7 @@ def sha256_of(path: Path, *more: Path) -> str:
 
 
 def _how_to_get(name: str, card: Card) -> str:
-    msg = f"no weights for {name}: pass them with --weights {name}=PATH"
+    msg = f"no weights for {name}: pass them with --weights {name}=PATH (weights=PATH in Python)"
     if card.weights:
         choices = "; or ".join(f"{file.name} from {file.where}" for file in card.weights)
         msg += f"; the official file is {choices}"

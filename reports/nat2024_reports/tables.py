@@ -172,16 +172,15 @@ def _rows(
     runs: "pd.DataFrame", plain: "pd.DataFrame", columns: tuple[Column, ...]
 ) -> tuple[Row, ...]:
     ranks = {column.name: _ranks([float(v) for v in runs[column.name]]) for column in columns}
-    base = plain.iloc[0] if len(plain) else None
     rows = []
     for position, (_, run) in enumerate(runs.iterrows()):
         enhanced = run.enhancer != _PLAIN
         # A gain over fewer or more sequences would compare different videos.
-        comparable = enhanced and base is not None and base.sequences == run.sequences
+        base = plain[plain.sequences == run.sequences] if enhanced else plain.iloc[:0]
         cells = []
         for column in columns:
             value = float(run[column.name])
-            gain = relative_gain(value, float(base[column.name])) if comparable else math.nan
+            gain = relative_gain(value, float(base[column.name].iloc[0])) if len(base) else math.nan
             cells.append(Cell(value, gain, ranks[column.name][position]))
         words = (run.tracker, run.enhancer if enhanced else "-", run.scope if enhanced else "")
         rows.append(Row(words, tuple(cells)))

@@ -1,6 +1,6 @@
 """LDEnhancer as an enhancer: sizes, options and weights around the network of `model`."""
 
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, cast
+from typing import TYPE_CHECKING, Any, Literal, cast
 
 from nat2024.cards import read_card
 from nat2024.errors import InvalidOption
@@ -23,7 +23,7 @@ class LDEnhancer(NeuralEnhancer):
     """
 
     card = read_card("nat2024_enhancers.ldenhancer")
-    stride: ClassVar[int] = 16
+    stride = 16
 
     def __init__(
         self,
@@ -49,8 +49,7 @@ class LDEnhancer(NeuralEnhancer):
             raise InvalidOption(msg)
         self.iterations = iterations
         self.iteration_sign: Literal["code", "paper"] = iteration_sign
-        # The size rule is an option here, while it belongs to the class of other enhancers.
-        self.stride = pad_multiple  # type: ignore[misc]
+        self.stride = pad_multiple
         super().__init__(**base)
 
     def build(self) -> "LDEnhancerNet":

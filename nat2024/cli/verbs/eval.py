@@ -60,7 +60,7 @@ def command(
     else:
         for evaluation in evaluations:
             frame = evaluation.per_sequence() if by == "sequence" else evaluation.per_attribute()
-            title = f"{evaluation.dataset}; protocol {evaluation.protocol.name}"
+            title = f"{evaluation.dataset}; protocol {evaluation.protocol.title}"
             _print(frame, by, title)
 
 

@@ -130,8 +130,10 @@ def _load(source: str, root: Path | None, sequences: str | None) -> "Dataset":
 
 
 def _lasting(source: str) -> str:
-    """A name as it is; a path made absolute, so that `eval` finds it from anywhere."""
-    return str(Path(source).resolve()) if Path(source).is_dir() else source
+    """A registered name as it is; a path made absolute, so that `eval` finds it from anywhere."""
+    from nat2024.datasets import is_registered
+
+    return source if is_registered(source) else str(Path(source).resolve())
 
 
 def _print(report: "BenchmarkReport", dataset: "Dataset", as_json: bool) -> None:
