@@ -21,7 +21,7 @@ from nat2024.errors import ArrayContract, BoxFileError
 from nat2024.files import write_atomic
 from nat2024.types import Boxes, Floats
 
-_SEPARATORS = re.compile(r"[,;\s]+")
+_SEPARATORS = re.compile(r"\s*[,;]\s*|\s+")
 _ROW_LENGTHS = (4, 5, 8)
 
 _NEWLINE, _PLUS, _COMMA, _MINUS = b"\n+,-"

@@ -2,19 +2,25 @@
 
 import contextlib
 import os
+import platform
+import re
 import secrets
 from pathlib import Path
+
+_TEMPORARY = re.compile(r"\..*\.(?P<host>[^.]*)-(?P<process>\d+)-[0-9a-f]+\.tmp")
 
 
 def write_atomic(path: str | os.PathLike[str], data: str | bytes) -> None:
     """Write `data` (text as UTF-8, newlines as given) so that readers see all of it or nothing.
 
-    The folder is made where absent. A process killed at any moment leaves the old file, or none.
+    The folder is made where absent. A process killed at any moment leaves the old file, or none;
+    what it had begun is removed by `remove_leftovers`.
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     raw = data.encode() if isinstance(data, str) else data
-    temporary = path.with_name(f".{path.name[:100]}.{secrets.token_hex(6)}.tmp")
+    owner = f"{_host()}-{os.getpid()}-{secrets.token_hex(4)}"
+    temporary = path.with_name(f".{path.name[:40]}.{owner}.tmp")
     try:
         with temporary.open("xb") as file:
             file.write(raw)
@@ -25,3 +31,27 @@ def write_atomic(path: str | os.PathLike[str], data: str | bytes) -> None:
         with contextlib.suppress(OSError):
             temporary.unlink()
         raise
+
+
+def remove_leftovers(folder: str | os.PathLike[str]) -> None:
+    """Remove what killed processes of this machine have begun to write directly in `folder`."""
+    for temporary in Path(folder).glob(".*.tmp"):
+        match = _TEMPORARY.fullmatch(temporary.name)
+        if match and match["host"] == _host() and not _is_alive(int(match["process"])):
+            temporary.unlink(missing_ok=True)
+
+
+def _host() -> str:
+    return re.sub(r"[^A-Za-z0-9]", "_", platform.node())
+
+
+def _is_alive(process: int) -> bool:
+    if os.name == "nt":  # no way to ask without a risk to the process
+        return True
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        return True
+    return True

@@ -20,7 +20,7 @@ import numpy as np
 
 from nat2024.boxes import parse_rows, read_boxes, write_boxes
 from nat2024.errors import DatasetNotFound, ResultConflict
-from nat2024.files import write_atomic
+from nat2024.files import remove_leftovers, write_atomic
 from nat2024.types import Boxes, Floats
 
 FORMAT = 1
@@ -54,11 +54,12 @@ class PluginRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class DatasetRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Which dataset was run: its name, and the name or path and the root it was loaded from."""
+    """Which dataset was run: its name, and how it was loaded."""
 
     name: str
     source: str
     root: str = ""
+    lenient: bool = False
     fingerprint: str = ""
 
 
@@ -180,6 +181,11 @@ class RunFolder:
         rows = (",".join(f"{value:.6f}" for value in row) for row in track.seconds.tolist())
         write_atomic(self.time_file(sequence), "\n".join([",".join(STAGES), *rows, ""]))
         write_boxes(self.box_file(sequence), track.boxes)
+
+    def clean(self) -> None:
+        """Remove what killed processes have left half written."""
+        for folder in (self.path, self.path / "time"):
+            remove_leftovers(folder)
 
     def manifest(self) -> Manifest | None:
         """The manifest, None where the folder has none (foreign results).

@@ -32,6 +32,11 @@ root_option = click.option(
     type=click.Path(path_type=Path, file_okay=False),
     help="Where the registered dataset lies; else NAT2024_ROOT_<DATASET> or NAT2024_ROOT.",
 )
+lenient_option = click.option(
+    "--lenient",
+    is_flag=True,
+    help="Cut sequences whose boxes and frames differ in number to the shorter.",
+)
 plugin_option = click.option(
     "--plugin",
     "plugins",
@@ -67,9 +72,12 @@ def messages(function: _Function) -> _Function:
         handler = logging.StreamHandler(sys.stderr)
         handler.setFormatter(logging.Formatter("nat-bench: %(message)s"))
         logger = logging.getLogger("nat2024")
-        logger.handlers, logger.propagate = [handler], False
+        logger.addHandler(handler)
         logger.setLevel(level)
-        return function(*args, **kwargs)
+        try:
+            return function(*args, **kwargs)
+        finally:
+            logger.removeHandler(handler)
 
     return wrapped  # type: ignore[return-value]
 

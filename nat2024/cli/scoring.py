@@ -22,6 +22,8 @@ def score(
     root: Path | None = None,
     protocol: "str | Protocol" = "pysot",
     on_length: str | None = None,
+    *,
+    lenient: bool = False,
 ) -> "list[Evaluation]":
     """Evaluate one dataset, or all that a results folder holds where none is named.
 
@@ -36,19 +38,19 @@ def score(
         msg = f"{results}: no such results folder; `nat-bench run` makes one"
         raise DatasetNotFound(msg)
     if dataset is not None:
-        loaded = load_dataset(dataset, root, unannotated=True)
+        loaded = load_dataset(dataset, root, unannotated=True, lenient=lenient)
         return [evaluate(results, loaded, protocol=protocol, on_length=on_length)]
     folders = [results] if list_runs(results) else list_datasets(results)
     if not folders:
         msg = f"{results}: holds no results; `nat-bench run --results {results}` writes some"
         raise DatasetNotFound(msg)
     return [
-        evaluate(folder, _dataset_of(folder), protocol=protocol, on_length=on_length)
+        evaluate(folder, _dataset_of(folder, lenient), protocol=protocol, on_length=on_length)
         for folder in folders
     ]
 
 
-def _dataset_of(folder: Path) -> "Dataset":
+def _dataset_of(folder: Path, lenient: bool) -> "Dataset":
     """The dataset that the manifests of a folder of runs name."""
     from nat2024.datasets import load_dataset
     from nat2024.store import list_runs
@@ -59,7 +61,12 @@ def _dataset_of(folder: Path) -> "Dataset":
         raise DatasetNotFound(msg)
     record = manifests[0].dataset
     try:
-        return load_dataset(record.source, record.root or None, unannotated=True)
+        return load_dataset(
+            record.source,
+            record.root or None,
+            unannotated=True,
+            lenient=lenient or record.lenient,
+        )
     except DatasetNotFound as error:
         msg = f"{error}; {folder} was made from it, name it with --dataset if it has moved"
         raise DatasetNotFound(msg) from None

@@ -79,6 +79,7 @@ def run_benchmark(
     *,
     source: str = "",
     root: str = "",
+    lenient: bool = False,
     workers: int = 1,
     threads: int = 1,
     plugins: tuple[str, ...] = (),
@@ -95,6 +96,7 @@ def run_benchmark(
         results: `RESULTS/DATASET/RUN/SEQUENCE.txt` is written.
         source: the name or path that `dataset` was loaded from, kept in the manifest.
         root: the root given with it.
+        lenient: whether `dataset` was loaded so.
         workers: number of processes; results do not depend on it.
         threads: computing threads of each worker; part of what a result depends on.
         plugins: plugin files that spawned workers must load.
@@ -108,7 +110,9 @@ def run_benchmark(
     """
     combinations = list(combinations)
     _check(combinations, dataset, workers, threads)
-    record = DatasetRecord(dataset.name, source or dataset.name, root, dataset.fingerprint())
+    record = DatasetRecord(
+        dataset.name, source or dataset.name, root, lenient, dataset.fingerprint()
+    )
     folder = Path(results) / dataset.name
     trackers = Trackers()
     with computing_threads(threads):
@@ -184,6 +188,7 @@ def _open(
 def _start(run: _Run, workers: int) -> None:
     """Open a session, in a run that has something left to do."""
     if run.missing:
+        run.folder.clean()
         run.manifest.sessions.append(
             Session(_timestamp(), workers=workers, versions=_versions(), machine=_machine())
         )
@@ -212,6 +217,7 @@ def _note(outcome: Outcome, run: _Run) -> list[Failure]:
 
 def _finish(run: _Run) -> None:
     if run.missing:
+        run.folder.clean()
         run.manifest.sessions[-1].finished = _timestamp()
         run.manifest.timing = run.folder.stage_times()
         failures = run.manifest.failures.items()

@@ -148,8 +148,10 @@ def _run_pool(
                 done.add(futures[future])
                 progress(len(outcome.job.sequence), outcome.job.title)
                 yield outcome
-    finally:
+    except BaseException:  # stopped from outside: nobody waits for what is still running
         pool.shutdown(wait=False, cancel_futures=True)
+        raise
+    pool.shutdown()
     return [job for number, job in enumerate(jobs) if number not in done]
 
 

@@ -141,6 +141,7 @@ def test_every_text_of_the_parity_kit(shared: Path) -> None:
         ("1,2,3,1.2.3\n", 1, "not a row of numbers"),
         ("1,2,3,0x10\n", 1, "not a row of numbers"),
         ("1,2,3,4\n" * 700 + "1,2,3\n", 701, "3 fields"),
+        ("1,2,3,4,5\n1,,2,3,4\n", 2, "not a row of numbers"),  # an empty field shifts nothing
     ],
 )
 @pytest.mark.parametrize("as_bytes", [False, True])

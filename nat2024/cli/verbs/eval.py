@@ -24,6 +24,7 @@ _SHOWN = {
 @shared.results_option
 @shared.dataset_option
 @shared.root_option
+@shared.lenient_option
 @shared.protocol_option
 @shared.protocol_options_option
 @shared.on_length_option
@@ -40,6 +41,7 @@ def command(
     results: Path,
     dataset: str | None,
     root: Path | None,
+    lenient: bool,
     protocol: str,
     protocol_options: tuple[str, ...],
     on_length: str | None,
@@ -51,7 +53,7 @@ def command(
     The dataset is the one that the results were made on, unless --dataset names another.
     """
     chosen = shared.choose_protocol(protocol, protocol_options)
-    evaluations = score(results, dataset, root, chosen, on_length)
+    evaluations = score(results, dataset, root, chosen, on_length, lenient=lenient)
     print_notes(evaluations)
     if as_json:
         print_json(document(evaluations))

@@ -57,6 +57,7 @@ SAMPLE = "night_mini"
 @click.option("--workers", type=int, default=1, show_default=True, help="Processes.")
 @click.option("--threads", type=int, default=1, show_default=True, help="Threads of each worker.")
 @click.option("--sequences", metavar="A,B", help="Only these sequences.")
+@shared.lenient_option
 @shared.plugin_option
 @shared.json_option
 @shared.messages
@@ -73,6 +74,7 @@ def command(
     workers: int,
     threads: int,
     sequences: str | None,
+    lenient: bool,
     plugins: tuple[str, ...],
     as_json: bool,
 ) -> int:
@@ -95,7 +97,7 @@ def command(
     source = dataset or SAMPLE
     if dataset is None:
         log.info("no --dataset given, taking the sample %s", SAMPLE)
-    chosen = _load(source, root, sequences)
+    chosen = _load(source, root, sequences, lenient)
     with _Progress(len(combinations) * sum(map(len, chosen))) as progress:
         report = run_benchmark(
             combinations,
@@ -103,6 +105,7 @@ def command(
             results,
             source=_lasting(source),
             root=str(root.resolve()) if root else "",
+            lenient=lenient,
             workers=workers,
             threads=threads,
             plugins=plugins,
@@ -120,13 +123,13 @@ def _choose_device(device: str) -> str:
     return "cuda" if torch.cuda.is_available() else "cpu"
 
 
-def _load(source: str, root: Path | None, sequences: str | None) -> "Dataset":
+def _load(source: str, root: Path | None, sequences: str | None, lenient: bool) -> "Dataset":
     from nat2024.datasets import load_dataset
 
     if sequences is None:
-        return load_dataset(source, root)
+        return load_dataset(source, root, lenient=lenient)
     names = [name.strip() for name in sequences.split(",") if name.strip()]
-    return load_dataset(source, root, unannotated=True).select(names)
+    return load_dataset(source, root, unannotated=True, lenient=lenient).select(names)
 
 
 def _lasting(source: str) -> str:

@@ -13,6 +13,7 @@ from nat2024.cli.scoring import document, print_notes, print_scores, score
 @shared.results_option
 @shared.dataset_option
 @shared.root_option
+@shared.lenient_option
 @shared.protocol_option
 @shared.protocol_options_option
 @shared.on_length_option
@@ -34,6 +35,7 @@ def command(
     results: Path,
     dataset: str | None,
     root: Path | None,
+    lenient: bool,
     protocol: str,
     protocol_options: tuple[str, ...],
     on_length: str | None,
@@ -53,7 +55,7 @@ def command(
         msg = "--out needs --format markdown, csv or latex"
         raise UsageError(msg)
     chosen = shared.choose_protocol(protocol, protocol_options)
-    evaluations = score(results, dataset, root, chosen, on_length)
+    evaluations = score(results, dataset, root, chosen, on_length, lenient=lenient)
     print_notes(evaluations)
     if as_json:
         print_json(document(evaluations))

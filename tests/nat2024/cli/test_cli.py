@@ -177,6 +177,22 @@ def test_unequal_lengths_follow_on_length(results: Path, cli: Any) -> None:
     assert cli("eval", "--results", results, "--on-length", "cut")[0] == 0
 
 
+def test_lenient_cuts_sequences_whose_boxes_and_frames_differ(
+    night_clip: Path, tmp_path: Path, small_plugins: str, cli: Any
+) -> None:
+    copy = tmp_path / "copy"
+    shutil.copytree(night_clip, copy)
+    (copy / "data_seq" / "tall" / "00008.png").unlink()
+    words = ("run", "--tracker", "still", "--dataset", copy, "--results", tmp_path / "r")
+    status, out, err = cli(*words)
+    assert (status, out) == (2, "")
+    assert "tall" in err
+    assert cli(*words, "--lenient")[0] == 0
+    status, out, _ = cli("eval", "--results", tmp_path / "r", "--json")
+    assert status == 0
+    assert json.loads(out)["summary"][0]["frames"] == 23
+
+
 def test_list_shows_plugins_with_their_options(cli: Any, small_plugins: str) -> None:
     status, out, _ = cli("list", "--json")
     assert status == 0

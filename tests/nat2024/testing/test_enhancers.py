@@ -81,7 +81,7 @@ class Wavering(Halved):
 
 
 class RedOnly(Halved):
-    def enhance(self, image, *, bgr=False):  # noqa: ARG002 (that is what is broken)
+    def enhance(self, image, *, bgr=False):
         return super().enhance(image, bgr=False)
 
     def compute(self, batch):
