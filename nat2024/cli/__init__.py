@@ -5,51 +5,27 @@ Verbs are imported when they are used, so that `nat-bench --help` answers at onc
 
 import sys
 from collections.abc import Sequence
-from importlib import import_module
 from typing import Any
 
 import click
+
+from nat2024.cli.groups import Verbs
 
 _VERBS = {
     "run": "Track a dataset with every tracker and enhancer named.",
     "eval": "Score stored results.",
     "table": "Print scores as a paper's table, gains included.",
     "list": "Show trackers, enhancers and datasets.",
-    "dataset": "Look at datasets: info, validate, synthesize.",
+    "dataset": "Look at datasets, check them, make a small one.",
 }
 
 
-class Verbs(click.Group):
-    """The group of verbs; each lives in a module of its own name under `nat2024.cli.verbs`."""
-
-    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
-        """Names in the order in which people need them."""
-        return list(_VERBS)
-
-    def get_command(self, ctx: click.Context, name: str) -> click.Command | None:  # noqa: ARG002
-        """Import the module of a verb."""
-        if name not in _VERBS:
-            return None
-        command: click.Command = import_module(f"nat2024.cli.verbs.{name}").command
-        return command
-
-    def resolve_command(
-        self, ctx: click.Context, args: list[str]
-    ) -> tuple[str | None, click.Command | None, list[str]]:
-        """As click's, with the closest verbs in the error."""
-        if args and args[0] not in _VERBS and not args[0].startswith("-"):
-            from nat2024.types import closest
-
-            ctx.fail(f"no such command {args[0]!r}{closest(args[0], _VERBS)}")
-        return super().resolve_command(ctx, args)
-
-    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
-        """List the verbs without importing them."""
-        with formatter.section("Commands"):
-            formatter.write_dl(list(_VERBS.items()))
-
-
-@click.group(cls=Verbs, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(
+    cls=Verbs,
+    package="nat2024.cli.verbs",
+    verbs=_VERBS,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
 @click.option("--debug", is_flag=True, expose_value=False, help="Show the traceback of an error.")
 @click.version_option(package_name="nat-bench")
 def cli() -> None:

@@ -1,0 +1,16 @@
+"""`nat-bench dataset`: one module a verb."""
+
+import click
+
+from nat2024.cli.groups import Verbs
+
+_VERBS = {
+    "info": "Say what a dataset holds.",
+    "validate": "Check a download against the published facts.",
+    "synthesize": "Render short plain night clips with exact boxes.",
+}
+
+
+@click.group(cls=Verbs, package=__name__, verbs=_VERBS)
+def command() -> None:
+    """Look at datasets, check them against what is published, make a small one."""
