@@ -84,6 +84,15 @@ class Enhancer:
         images = [self.enhance(batch_to_image(one.unsqueeze(0))) for one in batch]
         return torch.cat([image_to_batch(image, batch.device) for image in images])
 
+    def maps(self, batch: "torch.Tensor") -> "dict[str, torch.Tensor]":
+        """Intermediate maps by name, channels fed in the order given; empty where there are none.
+
+        Raises:
+            ArrayContract: `batch` is not float32 (N, 3, H, W).
+        """
+        check_batch(batch)
+        return {}
+
 
 class NeuralEnhancer(Enhancer, ABC):
     """An enhancer with a network: pads to the network's stride, runs it, cuts back, clamps.
