@@ -1,6 +1,6 @@
 """Scoring stored results against a dataset: files in, tables out, nothing recomputed on the way."""
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -70,12 +70,15 @@ class Evaluation:
         protocol: what the scores mean.
         runs: one entry a run folder.
         attributes: names of the sequences that carry each attribute.
+        provenance: where each attribute of a sequence comes from, by sequence and attribute;
+            without an entry it is published.
     """
 
     dataset: str
     protocol: Protocol
     runs: tuple[RunScores, ...]
     attributes: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    provenance: dict[str, Mapping[str, str]] = field(default_factory=dict)
 
     def summary(self) -> "pd.DataFrame":
         """One row a run, over all its sequences."""
@@ -92,15 +95,23 @@ class Evaluation:
         return self._frame(rows, ["sequence"])
 
     def per_attribute(self) -> "pd.DataFrame":
-        """One row a run and attribute, over the sequences that carry it."""
+        """One row a run and attribute, over the sequences that carry it.
+
+        `provenance` is `published`, `computed` or `manual`, or `mixed` where the sequences differ.
+        """
         rows = []
         for run in self.runs:
             for attribute, names in self.attributes.items():
-                chosen = [run.sequences[name] for name in names if name in run.sequences]
+                chosen = [name for name in names if name in run.sequences]
                 if chosen:
-                    row = self._row(run, chosen)
-                    rows.append({**row, "attribute": attribute, "provenance": "published"})
+                    row = self._row(run, [run.sequences[name] for name in chosen])
+                    provenance = self._provenance(attribute, chosen)
+                    rows.append({**row, "attribute": attribute, "provenance": provenance})
         return self._frame(rows, ["attribute", "provenance"])
+
+    def _provenance(self, attribute: str, names: Iterable[str]) -> str:
+        found = {self.provenance.get(name, {}).get(attribute, "published") for name in names}
+        return found.pop() if len(found) == 1 else "mixed"
 
     def curves(self) -> "pd.DataFrame":
         """The mean curves of each run: `run, metric, threshold, value`."""
@@ -231,7 +242,8 @@ def evaluate(
     names = dataset.attribute_names or sorted({a for s in dataset for a in s.attributes})
     carriers = {a: tuple(s.name for s in dataset if a in s.attributes) for a in names}
     attributes = {attribute: found for attribute, found in carriers.items() if found}
-    return Evaluation(dataset.name, chosen, runs, attributes)
+    provenance = {s.name: s.provenance for s in dataset if s.provenance}
+    return Evaluation(dataset.name, chosen, runs, attributes, provenance)
 
 
 def _score_run(

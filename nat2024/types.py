@@ -10,7 +10,7 @@ Conventions, everywhere:
 
 import difflib
 import hashlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol, TypeAlias
@@ -63,6 +63,10 @@ class Sequence:
         attributes: abbreviations such as `FM`, `LR`, `IV`.
         keyframes: indices of the annotated frames where only some are (rows of all other frames
             are NaN and mean "not annotated"), else None.
+        category: what the target is, such as `car`; empty where nothing tells.
+        activity: what the target does, such as `cycling`; empty where nothing tells.
+        provenance: where an attribute comes from, `published`, `computed` or `manual`, by its
+            abbreviation; those without an entry are published.
     """
 
     name: str
@@ -71,6 +75,9 @@ class Sequence:
     visible: Flags | None = None
     attributes: frozenset[str] = frozenset()
     keyframes: npt.NDArray[np.intp] | None = None
+    category: str = ""
+    activity: str = ""
+    provenance: Mapping[str, str] = field(default_factory=dict)
 
     def __len__(self) -> int:
         """Number of frames."""

@@ -82,6 +82,16 @@ def test_per_sequence_and_per_attribute(results: Path, dataset: Dataset) -> None
     assert by.loc[("mil", "IV"), "sequences"] == 2
 
 
+def test_attributes_say_where_they_come_from(results: Path) -> None:
+    both, carried = frozenset({"FM", "UL", "IV"}), {"FM": "computed", "UL": "computed"}
+    long = sequence("long", LEFT, attributes=both, provenance=carried)
+    short = sequence("short", SHORT, attributes=both, provenance={"UL": "manual", "FM": "computed"})
+    dataset = Dataset("clip", (long, short), attribute_names=("FM", "IV", "UL"))
+    table = nat2024.evaluate(results, dataset).per_attribute()
+    by = table.drop_duplicates("attribute").set_index("attribute").provenance
+    assert by.to_dict() == {"FM": "computed", "IV": "published", "UL": "mixed"}
+
+
 def test_curves(results: Path, dataset: Dataset) -> None:
     curves = nat2024.evaluate(results, dataset).curves()
     assert list(curves.columns) == ["run", "metric", "threshold", "value"]
