@@ -3,6 +3,7 @@
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from nat2024.errors import ArrayContract
 from nat2024.types import Floats, Image
@@ -39,23 +40,23 @@ def grey(image: Image) -> Floats:
     return total / (3 * 255.0)
 
 
-def block_statistics(values: Floats, side: int) -> tuple[Floats, Floats]:
-    """Mean and standard deviation of the square blocks of `values`.
+def blocks(values: npt.NDArray[Any], side: int) -> npt.NDArray[Any]:
+    """The square blocks of `values` (H, W) as (H // side, W // side, side, side).
 
-    Args:
-        values: float64 (H, W); what remains right and below of whole blocks is left out.
-        side: of a block in pixels, at most the smaller of H and W.
-
-    Returns:
-        Two arrays float64 (H // side, W // side).
+    What remains right and below of whole blocks is left out.
 
     Raises:
         ArrayContract: not even one block fits.
     """
     rows, columns = values.shape[0] // side, values.shape[1] // side
-    if side < 1 or not rows or not columns:
+    if not rows or not columns:
         msg = f"no block of {side}x{side} fits into {values.shape[1]}x{values.shape[0]} pixels"
         raise ArrayContract(msg)
     whole = values[: rows * side, : columns * side]
-    blocks = whole.reshape(rows, side, columns, side).swapaxes(1, 2)
-    return blocks.mean(axis=(2, 3)), blocks.std(axis=(2, 3))
+    return whole.reshape(rows, side, columns, side).swapaxes(1, 2)
+
+
+def block_statistics(values: Floats, side: int) -> tuple[Floats, Floats]:
+    """Mean and standard deviation of `blocks`, two arrays float64 (H // side, W // side)."""
+    found = blocks(values, side)
+    return found.mean(axis=(2, 3)), found.std(axis=(2, 3))
