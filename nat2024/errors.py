@@ -45,6 +45,10 @@ class BoxFileError(NatBenchError):
     """A text file of boxes that cannot be read; names file and line."""
 
 
+class AnnotationInvalid(NatBenchError):
+    """An annotation file, such as an index or COCO JSON, that cannot be read or used."""
+
+
 class FrameUnreadable(NatBenchError):
     """An image file that is absent, truncated or no image."""
 
