@@ -7,9 +7,10 @@
 269
 """
 
-from nat2024.datasets.frames import FolderFrames
+from nat2024.datasets.frames import FolderFrames, StoredFrames, read_reduced
 from nat2024.datasets.information import DatasetInfo, SequenceInfo, describe, describe_sequence
 from nat2024.datasets.loading import Rule, load_dataset
+from nat2024.datasets.prefetch import Prefetch, prefetch
 from nat2024.datasets.recognition import Candidate, Recognition, recognise
 from nat2024.datasets.registered import (
     DatasetFacts,
@@ -30,6 +31,7 @@ from nat2024.datasets.roots import (
     root_variable,
 )
 from nat2024.datasets.validation import Finding, ValidationReport, validate
+from nat2024.datasets.video import VideoFrames
 from nat2024.datasets.writing import write_sequence
 
 __all__ = [
@@ -40,11 +42,14 @@ __all__ = [
     "DatasetInfo",
     "Finding",
     "FolderFrames",
+    "Prefetch",
     "Recognition",
     "Rule",
     "SequenceFacts",
     "SequenceInfo",
+    "StoredFrames",
     "ValidationReport",
+    "VideoFrames",
     "configuration_path",
     "configured_roots",
     "describe",
@@ -54,7 +59,9 @@ __all__ = [
     "is_registered",
     "list_datasets",
     "load_dataset",
+    "prefetch",
     "read_configuration",
+    "read_reduced",
     "recognise",
     "register_dataset",
     "registered_dataset",

@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from nat2024.boxes import parse_rows
+from nat2024.datasets.archives import read_bytes
 from nat2024.errors import BoxFileError, DatasetIncomplete
 from nat2024.types import Boxes, Flags
 
@@ -76,6 +77,16 @@ def read_visible(folder: Path, files: tuple[str, ...], frames: int) -> Flags | N
     return visible
 
 
+def read_labels(path: Path, frames: int) -> tuple[int, ...]:
+    """Whole numbers of a `*.label` file of GOT-10k, one a frame.
+
+    Raises:
+        DatasetIncomplete: the number of values is not the number of frames.
+        BoxFileError: the file is no list of whole numbers.
+    """
+    return tuple(_read_flags(path, frames).tolist())
+
+
 def read_attributes(path: Path, columns: tuple[str, ...]) -> frozenset[str]:
     """Attributes whose column in `att/NAME.txt` is 1.
 
@@ -116,12 +127,22 @@ def _fields(path: Path) -> list[str]:
     return [field for field in _SEPARATORS.split(_read_text(path)) if field]
 
 
-def _read_text(path: Path) -> str:
+def read_side_file(path: Path) -> bytes:
+    """The bytes of a text file, in a folder or an archive.
+
+    Raises:
+        BoxFileError: it cannot be read.
+    """
     try:
-        return path.read_bytes().decode("utf-8-sig")
+        return read_bytes(path)
     except OSError as error:
         msg = f"{path}: cannot be read ({error.strerror})"
         raise BoxFileError(msg) from None
+
+
+def _read_text(path: Path) -> str:
+    try:
+        return read_side_file(path).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         msg = f"{path}: no text file (byte {error.start} is no UTF-8)"
         raise BoxFileError(msg) from None

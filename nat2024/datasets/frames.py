@@ -1,16 +1,54 @@
-"""Frames of a folder, decoded only when asked for."""
+"""Frames of a folder, decoded only when asked for; also of a folder inside a .zip archive."""
 
 import re
 from dataclasses import dataclass, field
+from operator import methodcaller
 from pathlib import Path
-from typing import SupportsIndex
+from typing import Protocol, SupportsIndex, runtime_checkable
 
-from nat2024.datasets.decoding import decode_image, image_size
+from nat2024.datasets.archives import read_bytes
+from nat2024.datasets.decoding import check_reduction, decode_image, image_size, shrink, size_fault
 from nat2024.errors import FrameUnreadable
-from nat2024.types import Image
+from nat2024.types import FrameSource, Image
 
 IMAGE_EXTENSIONS = frozenset({".jpg", ".jpeg", ".png", ".bmp"})
 _DIGITS = re.compile(r"([0-9]+)")
+_HEADER_BYTES = 4096  # holds the size, unless a thumbnail or colour profile goes before it
+
+
+class StoredFrames(FrameSource, Protocol):
+    """Frames of one sequence of a dataset on disk: a folder of images or a video."""
+
+    @property
+    def folder(self) -> Path:
+        """Where the images, or the video, lie."""
+        ...
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """File names in frame order; empty for a video."""
+        ...
+
+    def __bool__(self) -> bool:
+        """Whether there is something to read frames from; decodes nothing."""
+        ...
+
+    def title(self, index: int) -> str:
+        """What to call frame `index` (0-based) in a line for people."""
+        ...
+
+    def cut(self, count: int) -> "StoredFrames":
+        """The first `count` frames."""
+        ...
+
+
+@runtime_checkable
+class Reducing(Protocol):
+    """Frames that can be decoded at a reduced size in less time."""
+
+    def thumbnail(self, index: int, reduction: int) -> Image:
+        """As `read_reduced`."""
+        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,8 +79,20 @@ class FolderFrames:
         Raises:
             FrameUnreadable: the file is absent, truncated or no image; names file and frame.
         """
+        return self.thumbnail(index)
+
+    def __bool__(self) -> bool:
+        """Whether there are any."""
+        return bool(self.names)
+
+    def thumbnail(self, index: SupportsIndex, reduction: int = 1) -> Image:
+        """Frame `index` (0-based) `reduction` times smaller (1, 2, 4, 8); see `read_reduced`."""
         path = self.path(index)
-        return decode_image(_read(path, index), _where(path, index))
+        return decode_image(_read(path, index), _where(path, index), reduction)
+
+    def title(self, index: SupportsIndex) -> str:
+        """File name of frame `index` (0-based)."""
+        return self.names[index]
 
     def path(self, index: SupportsIndex) -> Path:
         """File of frame `index` (0-based)."""
@@ -63,17 +113,81 @@ class FolderFrames:
         if not self.names:
             msg = f"{self.folder}: no images in it"
             raise FrameUnreadable(msg)
-        path = self.path(0)
-        data = _read(path, 0)
-        size = image_size(data)
+        return self.size_of(0)
+
+    def size_of(self, index: SupportsIndex) -> tuple[int, int]:
+        """(width, height) of frame `index` (0-based), read from its header.
+
+        Raises:
+            FrameUnreadable: it is absent, no image, or claims too many pixels to be decoded.
+        """
+        path = self.path(index)
+        start = _read_start(path, index)
+        if not start:
+            msg = f"{_where(path, index)}: the file is empty"
+            raise FrameUnreadable(msg)
+        size = image_size(start)
         if size is None:
-            height, width = decode_image(data, _where(path, 0)).shape[:2]
+            data = _read(path, index)
+            size = image_size(data)
+        if size is None:
+            height, width = decode_image(data, _where(path, index)).shape[:2]
             size = (width, height)
+        fault = size_fault(size)
+        if fault:
+            msg = f"{_where(path, index)}: {fault}; get this file again"
+            raise FrameUnreadable(msg)
         return size
 
     def cut(self, count: int) -> "FolderFrames":
         """The first `count` frames."""
         return FolderFrames(self.folder, self.names[:count])
+
+
+def read_reduced(frames: FrameSource, index: int, reduction: int) -> Image:
+    """Frame `index` made `reduction` times smaller in both directions.
+
+    JPEG files are decoded at that size, which takes a fraction of the time; all others are decoded
+    whole and averaged over areas.
+
+    Args:
+        frames: of a sequence.
+        index: 0-based.
+        reduction: 1, 2, 4 or 8.
+
+    Returns:
+        uint8 (ceil(H / reduction), ceil(W / reduction), 3) BGR.
+
+    Raises:
+        FrameUnreadable: the frame cannot be decoded.
+        UsageError: another reduction.
+    """
+    check_reduction(reduction)
+    if isinstance(frames, Reducing):
+        return frames.thumbnail(index, reduction)
+    return shrink(frames[index], reduction)
+
+
+def count_frames(frames: FrameSource) -> int:
+    """Number of frames, 0 for a video that cannot be opened."""
+    try:
+        return len(frames)
+    except FrameUnreadable:
+        return 0
+
+
+def same_number(names: tuple[str, ...]) -> tuple[str, str] | None:
+    """Two images that are the same frame by their names (`1.jpg`, `00001.png`), if there are."""
+    ending = names[0][names[0].rfind(".") :] if names else ""
+    if len(set(map(len, names))) < 2 and all(map(methodcaller("endswith", ending), names)):
+        return None  # as in every published dataset
+    seen: dict[tuple[str | int, ...], str] = {}
+    for name in names:
+        key = tuple(_natural(name.rpartition(".")[0])[0])
+        if key in seen:
+            return seen[key], name
+        seen[key] = name
+    return None
 
 
 def image_names(names: list[str]) -> tuple[str, ...]:
@@ -103,9 +217,18 @@ def _where(path: Path, index: SupportsIndex) -> str:
     return f"{path} (frame {index.__index__()}, counted from 0)"
 
 
+def _read_start(path: Path, index: SupportsIndex) -> bytes:
+    """The first bytes of a file; of a member of an archive all of them."""
+    try:
+        with path.open("rb") as file:
+            return file.read(_HEADER_BYTES)
+    except OSError:
+        return _read(path, index)
+
+
 def _read(path: Path, index: SupportsIndex) -> bytes:
     try:
-        return path.read_bytes()
+        return read_bytes(path)
     except OSError as error:
         msg = f"{_where(path, index)}: cannot be read ({error.strerror})"
         raise FrameUnreadable(msg) from None

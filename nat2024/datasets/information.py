@@ -6,6 +6,7 @@ from collections import Counter
 import msgspec
 import numpy as np
 
+from nat2024.datasets.frames import count_frames
 from nat2024.datasets.reading import ReadSequence, attribute_names, locate, read_sequences
 from nat2024.datasets.recognition import recognise
 from nat2024.datasets.registered import FirstBox, is_registered, registered_dataset
@@ -107,7 +108,7 @@ def describe(
         return _sum_up(dataset, published_as, recognise(dataset).name, sequences)
     place = locate(dataset, root)
     read = read_sequences(place)
-    names = attribute_names(read, place.facts)
+    names = attribute_names(read, place)
     loaded = Dataset(place.name, (), place.folder, place.layout.words, (), names)
     found = tuple(_describe_read(r) for r in read)
     return _sum_up(loaded, place.published_as, place.recognition.name, found)
@@ -116,6 +117,7 @@ def describe(
 def describe_sequence(sequence: Sequence, problem: str = "") -> SequenceInfo:
     """Say what one sequence holds; reads the header of its first frame."""
     width, height = 0, 0
+    frames = count_frames(sequence.frames)
     try:
         width, height = sequence.frame_size
     except FrameUnreadable as error:
@@ -125,7 +127,7 @@ def describe_sequence(sequence: Sequence, problem: str = "") -> SequenceInfo:
         rows = rows[sequence.keyframes]
     return SequenceInfo(
         name=sequence.name,
-        frames=len(sequence),
+        frames=frames,
         width=width,
         height=height,
         annotated=len(rows),

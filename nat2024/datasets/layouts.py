@@ -9,8 +9,10 @@ Three kinds are known, in any case of the folder names:
   DTB70, GOT-10k, LaSOT), also below folders of categories;
 * `single`: the frames of one sequence directly in the folder, with one box file.
 
-A folder that only wraps one of these (`NAT2021/data_seq`) is looked into. Only names are listed
-here; no image and no annotation is opened.
+A folder that only wraps one of these (`NAT2021/data_seq`) is looked into. In place of a folder of
+frames a video may lie (`data_seq/NAME.mp4`), a folder of videos with `NAME.txt` beside each is read
+like `each`, a single video like `single`, and a .zip archive like the folder that it holds. Only
+names are listed here; no image, video or annotation is opened.
 """
 
 import itertools
@@ -18,11 +20,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, TypeAlias
 
-from nat2024.datasets.frames import FolderFrames
+from nat2024.datasets.archives import is_archive
+from nat2024.datasets.frames import FolderFrames, StoredFrames
 from nat2024.datasets.listings import Listing, path_kind
+from nat2024.datasets.schema import AnnotatedDataset, AnnotatedSequence
+from nat2024.datasets.video import VIDEO_EXTENSIONS, VideoFrames
 from nat2024.errors import DatasetIncomplete, DatasetNotFound
 
-Kind: TypeAlias = Literal["apart", "each", "single"]
+Kind: TypeAlias = Literal["apart", "each", "single", "described"]
 
 TRAINING_CLIPS = "train_clip"
 _FRAMES = ("data_seq", "sequences", TRAINING_CLIPS)
@@ -41,22 +46,26 @@ class FoundSequence:
     """Where one sequence lies.
 
     Attributes:
-        name: folder name of the sequence.
-        folder: the sequence's own folder.
-        frames: its images; may be empty.
+        name: folder name of the sequence, or that of its video without the ending.
+        folder: the sequence's own folder, or the one that holds its video.
+        frames: its images or its video; may be empty.
         boxes: file with a box for every frame, if any.
         keyframes: file with boxes of some frames, if any.
         attributes: file of 0/1 flags, if any.
         side_files: names of the files in `folder` that are no images, such as `absence.label`.
+        links: names of those frames that are symbolic links.
+        record: its annotation, where a file describes the whole dataset.
     """
 
     name: str
     folder: Path
-    frames: FolderFrames
+    frames: StoredFrames
     boxes: Path | None = None
     keyframes: Path | None = None
     attributes: Path | None = None
     side_files: tuple[str, ...] = ()
+    links: tuple[str, ...] = ()
+    record: AnnotatedSequence | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,12 +73,15 @@ class Layout:
     """A recognised folder.
 
     Attributes:
-        kind: `apart`, `each` or `single`; see the module.
+        kind: `apart`, `each` or `single`; see the module. `described` where an annotation file
+            names the frames.
         folder: the folder that holds the parts, perhaps inside the one that was asked for.
         words: the layout in words.
         sequences: sorted by name.
         without_frames: names of box files to which there is no folder of frames.
         empty: names of folders with neither images nor boxes where a sequence was expected.
+        document: the annotation file that describes the dataset, if there is one.
+        remarks: what that file holds but is not kept, one line each.
     """
 
     kind: Kind
@@ -78,21 +90,29 @@ class Layout:
     sequences: tuple[FoundSequence, ...]
     without_frames: tuple[str, ...] = ()
     empty: tuple[str, ...] = ()
+    document: AnnotatedDataset | None = None
+    remarks: tuple[str, ...] = ()
 
 
 def find_layouts(folder: Path) -> tuple[Layout, ...]:
     """Recognise the layout of `folder`, or of each of several datasets that lie in it.
 
+    Args:
+        folder: also a .zip archive, or a single video.
+
     Raises:
         DatasetNotFound: it is absent, no folder, empty, or nothing in it looks like a dataset.
-        DatasetIncomplete: two sequences have one name, or a name cannot be printed.
+        DatasetIncomplete: two sequences have one name, a name cannot be printed, or it is an
+            archive that is refused.
     """
     kind = path_kind(folder)
     if kind == "absent":
         msg = f"{folder}: no such folder"
         raise DatasetNotFound(msg)
-    if kind == "file":
-        msg = f"{folder}: a file, but a dataset is a folder of sequences"
+    if kind == "file" and folder.suffix.lower() in VIDEO_EXTENSIONS:
+        return tuple(_single_video(folder))
+    if kind == "file" and not is_archive(folder):
+        msg = f"{folder}: a file, but a dataset is a folder of sequences, a .zip of one, or a video"
         raise DatasetNotFound(msg)
     listing = Listing.of(folder)
     layouts = _look(listing, _DEPTH)
@@ -145,14 +165,30 @@ class _SideFiles:
 
     def sequence(self, name: str, listing: Listing, own: Path | None) -> FoundSequence:
         """The sequence whose folder is listed, `own` being the box file in that folder."""
+        holder = _frames_folder(listing)
         return FoundSequence(
             name,
             listing.path,
-            _frames(listing),
+            _frames(holder),
             _first_file(self.boxes, f"{name}.txt", f"{name}_gt.txt") or own,
             _first_file(self.keyframes, f"{name}.txt"),
             _first_file(self.attributes, f"{name}.txt", f"{name}_att.txt"),
             listing.files,
+            tuple(sorted(holder.links.intersection(holder.images or holder.videos))),
+        )
+
+    def video(self, listing: Listing, file: str, own: Path | None = None) -> FoundSequence:
+        """The sequence that is a video file of the listed folder, `own` its box file if named."""
+        name = Path(file).stem
+        own = own or listing.file(f"{name}.txt", f"{name}_gt.txt")
+        return FoundSequence(
+            name,
+            listing.path,
+            VideoFrames(listing.path / file),
+            _first_file(self.boxes, f"{name}.txt", f"{name}_gt.txt") or own,
+            _first_file(self.keyframes, f"{name}.txt"),
+            _first_file(self.attributes, f"{name}.txt", f"{name}_att.txt"),
+            links=(file,) if file in listing.links else (),
         )
 
     def unused(self, names: set[str]) -> tuple[str, ...]:
@@ -183,18 +219,22 @@ def _look(listing: Listing, depth: int) -> list[Layout]:
         return here
     inside = _look_inside(listing, children, depth - 1)
     # pictures beside a dataset are no dataset: what lies deeper goes before, if it is one
-    return [x for x in inside if x.kind == "apart"] or here or inside
+    return [x for x in inside if x.kind == "apart"] or here or inside or _videos(listing)
 
 
 def _is_sequence(listing: Listing) -> bool:
     """Whether frames and a box file of a well-known name lie here together."""
-    return listing.file(*_BOX_FILES) is not None and len(_frames(listing)) > 0
+    return listing.file(*_BOX_FILES) is not None and bool(_frames(_frames_folder(listing)))
 
 
 def _frames_apart(base: Listing, frames: Listing) -> list[Layout]:
     side = _SideFiles.of(base)
     children = [frames.child(n) for n in frames.folders if n.lower() not in _NO_SEQUENCES]
     found = [side.sequence(x.path.name, x, x.file(*_BOX_FILES)) for x in children]
+    folders = {s.name for s in found if s.frames}
+    videos = [side.video(frames, v) for v in frames.videos if Path(v).stem not in folders]
+    without = {s.name for s in videos}
+    found = [s for s in found if s.name not in without] + videos
     empty = tuple(s.name for s in found if not (s.frames or s.boxes or s.keyframes))
     found = [s for s in found if s.name not in empty]
     if not any(s.frames for s in found):
@@ -215,7 +255,7 @@ def _single_sequence(listing: Listing) -> list[Layout]:
 def _one_folder_each(listing: Listing, children: list[Listing]) -> list[Layout]:
     side = _SideFiles.of(listing)
     looked = [(x, side.sequence(x.path.name, x, _own_boxes(x))) for x in children]
-    found = [s for child, s in looked if s.frames or child.file(*_BOX_FILES)]
+    found = [s for child, s in looked if _is_wanted(s) or child.file(*_BOX_FILES)]
     if not any(sequence.frames for sequence in found):
         return []
     inner = next((s.frames.folder.name for s in found if s.frames.folder != s.folder), None)
@@ -235,10 +275,40 @@ def _look_inside(listing: Listing, children: list[Listing], depth: int) -> list[
     return layouts
 
 
-def _frames(listing: Listing) -> FolderFrames:
-    """The images of one sequence, in its folder or in `img/`."""
+def _is_wanted(found: FoundSequence) -> bool:
+    """Whether a folder is a sequence; one with a video but no boxes is some other folder."""
+    is_video = isinstance(found.frames, VideoFrames)
+    return bool(found.frames) and (not is_video or bool(found.boxes or found.keyframes))
+
+
+def _videos(listing: Listing) -> list[Layout]:
+    """Videos directly in a folder, each with its box file beside it."""
+    if not listing.videos:
+        return []
+    side = _SideFiles.of(listing)
+    alone = _own_boxes(listing) if len(listing.videos) == 1 else None
+    found = [side.video(listing, video, alone) for video in listing.videos]
+    return [_layout("each", listing.path, f"videos + NAME.txt{side.words()}", found)]
+
+
+def _single_video(path: Path) -> list[Layout]:
+    """One video that was asked for itself."""
+    listing = Listing.of(path.parent)
+    found = replace(_SideFiles.of(listing).video(listing, path.name), links=())
+    words = "one video" + (f" + {found.boxes.name}" if found.boxes else "")
+    return [_layout("single", path, words, [found])]
+
+
+def _frames_folder(listing: Listing) -> Listing:
+    """Where the images of one sequence lie, in its folder or in `img/`."""
     inner = () if listing.images else listing.inside(*_INNER_FRAMES)
-    holder = next((x for x in inner if x.images), listing)
+    return next((x for x in inner if x.images), listing)
+
+
+def _frames(holder: Listing) -> StoredFrames:
+    """The images of a folder, or its only video where it has no images."""
+    if not holder.images and len(holder.videos) == 1:
+        return VideoFrames(holder.path / holder.videos[0])
     return FolderFrames(holder.path, holder.images)
 
 

@@ -7,7 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from nat2024.datasets.archives import list_archived
 from nat2024.datasets.frames import image_names
+from nat2024.datasets.video import VIDEO_EXTENSIONS
 from nat2024.errors import DatasetNotFound
 
 
@@ -20,34 +22,40 @@ class Listing:
         folders: names of sub-folders, sorted.
         images: names of images in frame order.
         files: names of all other files, sorted.
+        links: names of images and other files that are symbolic links.
     """
 
     path: Path
     folders: tuple[str, ...]
     images: tuple[str, ...]
     files: tuple[str, ...]
+    links: frozenset[str]
     _found: dict[str, str]
 
     @classmethod
     def of(cls, path: Path) -> "Listing":
-        """List a folder.
+        """List a folder, or a folder inside an archive.
 
         Raises:
             DatasetNotFound: it cannot be listed.
+            DatasetIncomplete: it lies in an archive that is refused.
         """
-        folders: list[str] = []
-        names: list[str] = []
-        try:
-            with os.scandir(path) as scan:
-                for entry in scan:
-                    if not entry.name.startswith("."):
-                        (folders if entry.is_dir() else names).append(entry.name)
-        except OSError as error:
-            msg = f"{path}: cannot be listed ({error.strerror})"
-            raise DatasetNotFound(msg) from None
+        folders, names, links = _scan(path)
         images = image_names(names)
         files = sorted(set(names).difference(images))
-        return cls(path, tuple(sorted(folders)), images, tuple(files), _in_any_case(files))
+        return cls(
+            path,
+            tuple(sorted(folders)),
+            images,
+            tuple(files),
+            frozenset(links),
+            _in_any_case(files),
+        )
+
+    @property
+    def videos(self) -> tuple[str, ...]:
+        """Names of video files, sorted."""
+        return tuple(f for f in self.files if Path(f).suffix.lower() in VIDEO_EXTENSIONS)
 
     @property
     def is_empty(self) -> bool:
@@ -70,6 +78,30 @@ class Listing:
             if actual:
                 return self.path / actual
         return None
+
+
+def _scan(path: Path) -> tuple[list[str], list[str], list[str]]:
+    """Names of folders, of files, and of those files that are links; hidden ones left out."""
+    folders: list[str] = []
+    names: list[str] = []
+    links: list[str] = []
+    try:
+        with os.scandir(path) as scan:
+            for entry in scan:
+                if not entry.name.startswith("."):
+                    is_link = entry.is_symlink()
+                    is_folder = (path / entry).is_dir() if is_link else entry.is_dir()
+                    (folders if is_folder else names).append(entry.name)
+                    if is_link and not is_folder:
+                        links.append(entry.name)
+    except OSError as error:
+        archived = list_archived(path)
+        if archived is not None:
+            folders, names = ([n for n in part if n[0] != "."] for part in archived)
+            return folders, names, []
+        msg = f"{path}: cannot be listed ({error.strerror})"
+        raise DatasetNotFound(msg) from None
+    return folders, names, links
 
 
 def path_kind(path: Path) -> Literal["absent", "file", "folder"]:

@@ -74,7 +74,7 @@ def load_dataset(
         place.folder,
         place.layout.words,
         left_out,
-        attribute_names(kept, place.facts),
+        attribute_names(kept, place),
     )
 
 
@@ -121,7 +121,8 @@ def _refuse_faulty(place: Place, read: Iterable[ReadSequence], *, lenient: bool)
     if not errors:
         return
     kind = BoxFileError if all(isinstance(e, BoxFileError) for e in errors) else DatasetIncomplete
-    advice = "" if lenient or kind is BoxFileError else "; lenient loading cuts to the shorter"
+    uncut = any(r.lengths_differ for r in faults if r not in cut)
+    advice = "; lenient loading cuts to the shorter" if uncut else ""
     msg = f"dataset {place.name}: {some([str(e) for e in errors], separator='; ')}{advice}"
     raise kind(msg)
 

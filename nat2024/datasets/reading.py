@@ -4,17 +4,35 @@
 """
 
 import os
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
-from nat2024.boxes import read_boxes
-from nat2024.datasets.annotations import read_attributes, read_keyframes, read_visible
-from nat2024.datasets.layouts import FoundSequence, Layout, find_layout, find_layouts, only_layout
+from nat2024.boxes import parse_boxes
+from nat2024.datasets.annotations import (
+    read_attributes,
+    read_keyframes,
+    read_side_file,
+    read_visible,
+)
+from nat2024.datasets.categories import activity_of, category_of
+from nat2024.datasets.converters.got10k import read_meta
+from nat2024.datasets.described import (
+    check_described,
+    find_described,
+    find_foreign,
+    is_annotation_file,
+    layout_of,
+    read_described,
+)
+from nat2024.datasets.file_checks import base_folder, check_files
+from nat2024.datasets.layouts import FoundSequence, Layout, find_layouts, only_layout
 from nat2024.datasets.listings import path_kind
 from nat2024.datasets.recognition import Recognition, recognise_layout
+from nat2024.datasets.records import all_boxes, flags_of, keyframes_of
 from nat2024.datasets.registered import (
     DatasetFacts,
     is_registered,
@@ -22,7 +40,15 @@ from nat2024.datasets.registered import (
     registered_dataset,
 )
 from nat2024.datasets.roots import find_root, how_to_get
-from nat2024.errors import DatasetIncomplete, DatasetNotFound, NatBenchError, UsageError
+from nat2024.datasets.schema import INDEX_FILE, AnnotatedSequence
+from nat2024.errors import (
+    AnnotationInvalid,
+    DatasetIncomplete,
+    DatasetNotFound,
+    FrameUnreadable,
+    NatBenchError,
+    UsageError,
+)
 from nat2024.types import Boxes, Flags, Sequence, closest
 
 SAMPLE = "night_mini"
@@ -68,7 +94,11 @@ class ReadSequence:
         visible: as in `Sequence`.
         attributes: as in `Sequence`.
         fault: why it cannot be used, None where it can.
+        frames_fault: whether that lies with the frames, not with the annotation.
         attribute_fault: why its attribute file cannot be used, empty where it can.
+        category: as in `Sequence`.
+        activity: as in `Sequence`.
+        provenance: as in `Sequence`.
     """
 
     found: FoundSequence
@@ -77,7 +107,11 @@ class ReadSequence:
     visible: Flags | None = None
     attributes: frozenset[str] = frozenset()
     fault: NatBenchError | None = None
+    frames_fault: bool = False
     attribute_fault: str = ""
+    category: str = ""
+    activity: str = ""
+    provenance: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def name(self) -> str:
@@ -87,6 +121,9 @@ class ReadSequence:
     @property
     def has_boxes(self) -> bool:
         """Whether a file gives a box for every frame, however well."""
+        record = self.found.record
+        if record is not None:
+            return record.boxes is not None and record.keyframes is None
         return self.found.boxes is not None
 
     @property
@@ -102,34 +139,81 @@ class ReadSequence:
             frames = frames.cut(count)
             visible = None if visible is None else visible[:count]
         boxes = self.boxes[: len(frames)]
-        return Sequence(self.name, frames, boxes, visible, self.attributes, self.keyframes)
+        return Sequence(
+            self.name,
+            frames,
+            boxes,
+            visible,
+            self.attributes,
+            self.keyframes,
+            self.category,
+            self.activity,
+            self.provenance,
+        )
 
 
 def locate(name_or_path: str | os.PathLike[str], root: str | os.PathLike[str] | None) -> Place:
-    """Find a dataset by registered name or path and recognise it; nothing is read yet.
+    """Find a dataset by registered name or path and recognise it.
+
+    Nothing is read yet, but for an annotation file that describes the whole dataset. Such a file
+    can also be named itself; `root` is then the folder of its frames.
 
     Raises:
+        AnnotationInvalid: an annotation file cannot be used.
         DatasetNotFound: no such name and no such folder, or the folder is no dataset.
         DatasetIncomplete: the folder holds several datasets, or another one than was asked for.
         UsageError: a root was given for a path, or the configuration file is wrong.
     """
     if isinstance(name_or_path, str) and is_registered(name_or_path):
         return _locate_registered(name_or_path, root)
+    folder = Path(name_or_path).expanduser()
+    if is_annotation_file(folder):
+        return _locate_annotation(folder, root)
     if root is not None:
         msg = f"root={root} belongs to a registered dataset, but {name_or_path} is a folder"
         raise UsageError(msg)
-    folder = Path(name_or_path).expanduser()
     if path_kind(folder) == "absent":
         raise DatasetNotFound(_unknown(str(name_or_path)))
-    layout = find_layout(folder)
-    name = folder.resolve().name or "dataset"
+    layout = only_layout(folder, _layouts(folder))
+    name = _base_name(folder)
     return Place(name, False, folder, layout, recognise_layout(layout))
+
+
+def _locate_annotation(path: Path, root: str | os.PathLike[str] | None) -> Place:
+    described = read_described(path, None if root is None else Path(root).expanduser())
+    layout = layout_of(described)
+    name = _base_name(described.base) if path.name == INDEX_FILE else path.stem
+    return Place(name, False, described.base, layout, recognise_layout(layout))
+
+
+def _layouts(folder: Path) -> tuple[Layout, ...]:
+    """Layouts in a folder: our annotation files go first, those of others before no boxes."""
+    described = find_described(folder)
+    if described is not None:
+        return (layout_of(described),)
+    try:
+        layouts = find_layouts(folder)
+    except DatasetNotFound:
+        layouts = ()
+    if any(s.boxes or s.keyframes for layout in layouts for s in layout.sequences):
+        return layouts
+    foreign = find_foreign(folder)
+    if foreign is not None:
+        return (layout_of(foreign),)
+    return layouts or find_layouts(folder)
+
+
+def _base_name(folder: Path) -> str:
+    """Name of the folder, or of an archive or video without its ending."""
+    whole = folder.resolve()
+    name = whole.stem if path_kind(whole) == "file" else whole.name
+    return name or "dataset"
 
 
 def _locate_registered(name: str, root: str | os.PathLike[str] | None) -> Place:
     folder = find_root(name, root)
     try:
-        layouts = find_layouts(folder)
+        layouts = _layouts(folder)
     except DatasetNotFound as error:
         msg = f"dataset {name}: {error}. {how_to_get(name)}"
         raise DatasetNotFound(msg) from None
@@ -166,31 +250,74 @@ def _unknown(name: str) -> str:
 
 def read_sequences(place: Place) -> list[ReadSequence]:
     """Read the annotation of every sequence; faults are kept, never raised."""
-    return [read_sequence(found, place.facts) for found in place.layout.sequences]
+    root = base_folder(place.folder)
+    return [read_sequence(found, place.facts, root) for found in place.layout.sequences]
 
 
-def read_sequence(found: FoundSequence, facts: DatasetFacts | None) -> ReadSequence:
-    """Read the annotation of one sequence; a fault is kept, never raised."""
+def read_sequence(
+    found: FoundSequence, facts: DatasetFacts | None, root: Path | None = None
+) -> ReadSequence:
+    """Read the annotation of one sequence; a fault is kept, never raised.
+
+    Args:
+        found: where it lies.
+        facts: what is published about the dataset.
+        root: folder that linked files must not lead out of; None takes the sequence's own.
+    """
     read = ReadSequence(found, np.empty((0, 4)))
+    if found.record is not None:
+        return _read_record(read, found.record, root or found.folder)
+    read = _with_words(read)
+    try:
+        check_files(found, root or found.folder)
+    except NatBenchError as error:
+        return replace(read, fault=error, frames_fault=True)
     try:
         read = _read(found, read)
     except NatBenchError as error:
-        return replace(read, fault=error)
+        return replace(read, fault=error, frames_fault=isinstance(error, FrameUnreadable))
     return _with_attributes(read, facts)
+
+
+def _read_record(read: ReadSequence, record: AnnotatedSequence, root: Path) -> ReadSequence:
+    read = replace(
+        read,
+        boxes=all_boxes(record),
+        keyframes=keyframes_of(record),
+        visible=flags_of(record.visible),
+        attributes=frozenset(record.attributes),
+        category=record.category or category_of(record.name),
+        activity=record.activity or activity_of(record.name),
+        provenance=record.attributes,
+    )
+    try:
+        check_described(read.found, root)
+    except NatBenchError as error:
+        return replace(read, fault=error, frames_fault=True)
+    return read
+
+
+def _with_words(read: ReadSequence) -> ReadSequence:
+    """What the target is and does, by GOT-10k's file or by the sequence's name."""
+    try:
+        meta = read_meta(read.found.folder, read.found.side_files)
+    except AnnotationInvalid:  # no reason to refuse boxes and frames
+        meta = {}
+    category = meta.get("category") or category_of(read.name)
+    activity = meta.get("activity") or activity_of(read.name)
+    return replace(read, category=category, activity=activity)
 
 
 def _read(found: FoundSequence, read: ReadSequence) -> ReadSequence:
     images = len(found.frames)
-    if not images:
-        msg = f"{found.name}: no images in {found.frames.folder}"
-        raise DatasetIncomplete(msg)
     visible = read_visible(found.folder, found.side_files, images)
     read = replace(read, visible=visible)
     if found.boxes is not None:
-        boxes = read_boxes(found.boxes)
+        boxes = parse_boxes(read_side_file(found.boxes), str(found.boxes))
         fault = None
         if len(boxes) != images:
-            msg = f"{found.name}: {len(boxes)} boxes in {found.boxes} but {images} images"
+            there = "images" if found.frames.names else "frames that can be decoded"
+            msg = f"{found.name}: {len(boxes)} boxes in {found.boxes} but {images} {there}"
             fault = DatasetIncomplete(msg)
         return replace(read, boxes=boxes, fault=fault)
     if found.keyframes is not None:
@@ -212,8 +339,11 @@ def _with_attributes(read: ReadSequence, facts: DatasetFacts | None) -> ReadSequ
     return replace(read, attributes=labels | flagged)
 
 
-def attribute_names(read: list[ReadSequence], facts: DatasetFacts | None) -> tuple[str, ...]:
+def attribute_names(read: list[ReadSequence], place: Place) -> tuple[str, ...]:
     """The attributes that could be read, in published order."""
+    if place.layout.document is not None:
+        return place.layout.document.attribute_names
+    facts = place.facts
     if facts is None:
         return ()
     files = any(r.found.attributes is not None and not r.attribute_fault for r in read)

@@ -7,6 +7,7 @@ UAVDark70 and UAVDark135 share 62, most of them cut anew.
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from nat2024.datasets.frames import count_frames
 from nat2024.datasets.layouts import TRAINING_CLIPS, Layout
 from nat2024.datasets.registered import DatasetFacts, list_datasets, registered_dataset
 from nat2024.types import Dataset
@@ -58,7 +59,7 @@ def recognise_layout(layout: Layout) -> Recognition:
     """Tell which registered dataset a folder holds before any annotation is read."""
     if is_training_set(layout.words):
         return Recognition("nat2021_train")
-    return recognise_lengths({s.name: len(s.frames) for s in layout.sequences})
+    return recognise_lengths({s.name: count_frames(s.frames) for s in layout.sequences})
 
 
 def is_training_set(words: str) -> bool:

@@ -8,13 +8,23 @@ from typing import Literal, TypeAlias
 import msgspec
 import numpy as np
 
-from nat2024.datasets.frames import FolderFrames
+from nat2024.datasets.box_notes import box_notes
+from nat2024.datasets.frames import FolderFrames, StoredFrames, count_frames
+from nat2024.datasets.index_checks import check_index, count_checksums
 from nat2024.datasets.reading import Place, ReadSequence, locate, read_sequences
 from nat2024.datasets.registered import DatasetFacts, SequenceFacts, registered_dataset
 from nat2024.errors import FrameUnreadable
 
 FindingKind: TypeAlias = Literal[
-    "missing", "extra", "length", "first_box", "annotation", "frame", "size", "attributes"
+    "missing",
+    "extra",
+    "altered",
+    "length",
+    "first_box",
+    "annotation",
+    "frame",
+    "size",
+    "attributes",
 ]
 _TOLERANCE_PX = 0.01
 _NUMBER = re.compile(r"[0-9]+")
@@ -24,8 +34,8 @@ class Finding(msgspec.Struct, frozen=True):
     """One thing that is wrong.
 
     Attributes:
-        kind: `missing`, `extra`, `length`, `first_box`, `annotation`, `frame`, `size` or
-            `attributes`.
+        kind: `missing`, `extra`, `altered`, `length`, `first_box`, `annotation`, `frame`, `size`
+            or `attributes`.
         sequence: name of the sequence.
         message: one line that begins with that name and says what is there and what is expected.
     """
@@ -49,6 +59,7 @@ class ValidationReport(msgspec.Struct, frozen=True, kw_only=True):
         problems: what is missing, extra, altered or unreadable.
         notes: what is known and harmless.
         unchecked: what cannot be checked, because nothing public tells.
+        index: the annotation file that the folder was compared with, in words, or empty.
     """
 
     name: str
@@ -61,6 +72,7 @@ class ValidationReport(msgspec.Struct, frozen=True, kw_only=True):
     problems: tuple[Finding, ...]
     notes: tuple[str, ...]
     unchecked: tuple[str, ...]
+    index: str = ""
 
 
 def validate(
@@ -73,7 +85,10 @@ def validate(
     """Check a folder against itself and against what is published about the dataset in it.
 
     Compared with published facts: names, lengths, first boxes, image size. Checked in any
-    folder: boxes and images agree in number, every box file can be read, first frames decode.
+    folder: boxes and images agree in number, every box file can be read, first frames decode,
+    all frames of a sequence have one size by their headers, no two images have one number, no
+    file is a link out of the folder. Boxes outside the image, without a size or NaN are noted.
+    Where the folder has an index: every file is there, none is extra, checksums and boxes agree.
 
     Args:
         name_or_path: a registered name or a folder.
@@ -95,18 +110,22 @@ def validate(
         problems += _check_annotation(sequence, published)
         problems += _check_length(sequence, published)
         problems += _check_first_box(sequence, published)
-        problems += _check_frames(sequence.found.frames, sequence.name, facts, every_frame)
+        if not sequence.frames_fault:
+            problems += _check_frames(sequence.found.frames, sequence.name, facts, every_frame)
+            problems += _check_sizes(sequence.found.frames, sequence.name, every_frame)
+    problems += [Finding(*fault) for fault in check_index(place, read)]
     return ValidationReport(
         name=place.name,
         checked_against=facts.title if facts else "",
         layout=place.layout.words,
         root=str(place.folder),
         sequences=len(read),
-        frames=sum(len(r.found.frames) for r in read),
+        frames=sum(count_frames(r.found.frames) for r in read),
         ok=not problems,
         problems=tuple(problems),
-        notes=tuple(_notes(facts, read)),
+        notes=(*_index_notes(place, read), *_notes(facts, read)),
         unchecked=tuple(_unchecked(place, facts, read)),
+        index=place.layout.words if place.layout.document is not None else "",
     )
 
 
@@ -129,7 +148,7 @@ def _check_annotation(read: ReadSequence, published: SequenceFacts | None) -> It
     if read.fault is not None:
         message = str(read.fault)
         message = message if message.startswith(read.name) else f"{read.name}: {message}"
-        yield Finding("annotation", read.name, message)
+        yield Finding("frame" if read.frames_fault else "annotation", read.name, message)
     elif published and not read.has_boxes:
         yield Finding("annotation", read.name, f"{read.name}: no box file")
     if read.attribute_fault:
@@ -137,7 +156,7 @@ def _check_annotation(read: ReadSequence, published: SequenceFacts | None) -> It
 
 
 def _check_length(read: ReadSequence, published: SequenceFacts | None) -> Iterator[Finding]:
-    count = len(read.found.frames)
+    count = count_frames(read.found.frames)
     if published and count not in (published.frames, *published.other_frames):
         message = f"{read.name}: {count} frames, published {published.frames}"
         yield Finding("length", read.name, message)
@@ -154,7 +173,7 @@ def _check_first_box(read: ReadSequence, published: SequenceFacts | None) -> Ite
 
 
 def _check_frames(
-    frames: FolderFrames, name: str, facts: DatasetFacts | None, every_frame: bool
+    frames: StoredFrames, name: str, facts: DatasetFacts | None, every_frame: bool
 ) -> Iterator[Finding]:
     for index in range(len(frames) if every_frame else min(1, len(frames))):
         try:
@@ -164,9 +183,42 @@ def _check_frames(
             continue
         if facts and facts.resolution and (width, height) != facts.resolution:
             expected = "{}x{}".format(*facts.resolution)
-            message = f"{name}: {frames.names[index]} is {width}x{height}, published {expected}"
+            message = f"{name}: {frames.title(index)} is {width}x{height}, published {expected}"
             yield Finding("size", name, message)
             return
+
+
+def _check_sizes(frames: StoredFrames, name: str, every_frame: bool) -> Iterator[Finding]:
+    """Frames of another size than the first, and headers that cannot be read, in one line each."""
+    if not isinstance(frames, FolderFrames):
+        return
+    sizes: list[tuple[int, int] | None] = []
+    faults = []
+    for index in range(len(frames)):
+        try:
+            sizes.append(frames.size_of(index))
+        except FrameUnreadable as error:
+            sizes.append(None)
+            faults.append(str(error))
+    first = next((size for size in sizes if size), None)
+    other = [index for index, size in enumerate(sizes) if size not in (first, None)]
+    if first and other:
+        width, height = sizes[other[0]] or first
+        message = (
+            f"{name}: frames of several sizes: {frames.title(other[0])} is {width}x{height}, the "
+            f"first frame {first[0]}x{first[1]}; {len(other)} of {len(frames)} differ from it"
+        )
+        yield Finding("size", name, message)
+    later = faults if sizes[0] else faults[1:]  # the first frame has been decoded and named before
+    if later and not every_frame:
+        message = f"{name}: {len(later)} images cannot be read, such as {later[0]}"
+        yield Finding("frame", name, message)
+
+
+def _index_notes(place: Place, read: list[ReadSequence]) -> Iterator[str]:
+    if place.layout.document is not None:
+        checksums = count_checksums(read) or "no"
+        yield f"compared with {place.layout.words}, which has {checksums} checksums"
 
 
 def _notes(facts: DatasetFacts | None, read: list[ReadSequence]) -> Iterator[str]:
@@ -174,6 +226,8 @@ def _notes(facts: DatasetFacts | None, read: list[ReadSequence]) -> Iterator[str
         without = [r.name for r in read if not r.has_boxes]
         if without:
             yield f"{len(without)} of {len(read)} sequences have no box for every frame"
+    for sequence in read:
+        yield from box_notes(sequence)
     if facts is None:
         return
     extra = [r.name for r in read if r.name not in facts.sequences]
@@ -187,9 +241,10 @@ def _notes(facts: DatasetFacts | None, read: list[ReadSequence]) -> Iterator[str
 
 def _sequence_notes(read: ReadSequence, published: SequenceFacts, digits: int) -> Iterator[str]:
     frames = read.found.frames
-    if len(frames) in published.other_frames:
+    count = count_frames(frames)
+    if count in published.other_frames:
         yield (
-            f"{read.name}: {len(frames)} frames, as another public list says; "
+            f"{read.name}: {count} frames, as another public list says; "
             f"{published.frames} in the official results"
         )
     first = frames.names[0] if frames.names else ""
@@ -213,7 +268,8 @@ def _unchecked(place: Place, facts: DatasetFacts | None, read: list[ReadSequence
     if any(r.found.attributes for r in read):
         note = f" ({facts.attribute_note})" if facts.attribute_note else ""
         yield f"attribute values: no public copy to compare with{note}"
-    yield "pixels: no checksums of the images are published"
+    if not count_checksums(read):
+        yield "pixels: no checksums of the images are published"
 
 
 def _nearest(place: Place) -> str:

@@ -89,7 +89,10 @@ def test_annotation_that_does_not_fit_or_cannot_be_read(small, make):
 def test_frames_that_cannot_be_decoded(small, make):
     (small / "data_seq" / "a" / "00001.jpg").write_bytes(make.encoded()[:99])
     (small / "data_seq" / "b" / "00002.jpg").write_bytes(b"")
-    assert [p.sequence for p in validate(small, against=FACTS).problems] == ["a"]
+    first, header = validate(small, against=FACTS).problems
+    assert (first.kind, first.sequence) == ("frame", "a")
+    assert header.message.startswith("b: 1 images cannot be read, such as ")
+    assert header.message.endswith("00002.jpg (frame 1, counted from 0): the file is empty")
     every = validate(small, against=FACTS, every_frame=True)
     assert [(p.kind, p.sequence) for p in every.problems] == [("frame", "a"), ("frame", "b")]
 

@@ -1,0 +1,131 @@
+"""Frames decoded ahead in a background thread, so that whoever uses them waits less."""
+
+import threading
+from collections import deque
+from collections.abc import Iterator
+from types import TracebackType
+from typing import Protocol, runtime_checkable
+
+from nat2024.errors import UsageError
+from nat2024.types import FrameSource, Image
+
+AHEAD = 4
+
+
+@runtime_checkable
+class Closing(Protocol):
+    """Frames that keep a file open."""
+
+    def close(self) -> None:
+        """Close it; it is opened again where needed."""
+        ...
+
+
+class Prefetch:
+    """Frames of a source in order, decoded ahead of their use; use it in a `with` block.
+
+    At most `ahead` frames wait or are being decoded at any time. A frame that cannot be read
+    raises its error when it is taken, and the next one can still be taken. The thread, and a file
+    that the source keeps open, end with the block, however it is left.
+
+    >>> import numpy as np
+    >>> from nat2024.datasets.prefetch import prefetch
+    >>> with prefetch([np.zeros((2, 2, 3), np.uint8)] * 3) as frames:
+    ...     len([frame.shape for frame in frames])
+    3
+    """
+
+    def __init__(self, frames: FrameSource, start: int = 0, ahead: int = AHEAD) -> None:
+        """Keep what is to be read; nothing is read before the block is entered.
+
+        Args:
+            frames: of a sequence.
+            start: the frame to begin with, 0-based.
+            ahead: how many frames are decoded ahead; 0 reads each when it is taken, without a
+                thread.
+
+        Raises:
+            UsageError: `ahead` or `start` is below 0.
+        """
+        if ahead < 0 or start < 0:
+            msg = f"start and ahead must be 0 or more, not {start} and {ahead}"
+            raise UsageError(msg)
+        self._frames, self._next, self._count = frames, start, len(frames)
+        self._ready: deque[Image | BaseException] = deque()
+        self._changed = threading.Condition()
+        self._ahead, self._pending, self._stopped = ahead, 0, False
+        self._thread: threading.Thread | None = None
+
+    def __enter__(self) -> "Prefetch":
+        if self._ahead and self._next < self._count:
+            self._thread = threading.Thread(
+                target=self._read_all, args=(self._next,), name="nat2024 prefetch", daemon=True
+            )
+            self._thread.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        with self._changed:
+            self._stopped = True
+            self._ready.clear()
+            self._changed.notify_all()
+        if self._thread:
+            self._thread.join()
+        if isinstance(self._frames, Closing):
+            self._frames.close()
+
+    def take(self) -> Image:
+        """The next frame, uint8 (H, W, 3) BGR.
+
+        Raises:
+            FrameUnreadable: it cannot be decoded; the one after it can be taken nonetheless.
+            IndexError: there is none left, or the block has been left.
+        """
+        if self._next >= self._count or self._stopped:
+            msg = f"no frame {self._next} of {self._count} to take"
+            raise IndexError(msg)
+        self._next += 1
+        if self._thread is None:
+            return self._frames[self._next - 1]
+        with self._changed:
+            self._changed.wait_for(lambda: self._ready)
+            item = self._ready.popleft()
+            self._pending -= 1
+            self._changed.notify_all()
+        if isinstance(item, BaseException):
+            raise item
+        return item
+
+    def __iter__(self) -> Iterator[Image]:
+        """All frames that are left."""
+        while self._next < self._count:
+            yield self.take()
+
+    def _read_all(self, start: int) -> None:
+        for index in range(start, self._count):
+            with self._changed:
+                self._changed.wait_for(lambda: self._stopped or self._pending < self._ahead)
+                if self._stopped:
+                    return
+                self._pending += 1
+            item = self._read(index)
+            with self._changed:
+                self._ready.append(item)
+                self._changed.notify_all()
+            del item  # else it would stay in memory while this thread waits
+
+    def _read(self, index: int) -> Image | BaseException:
+        try:
+            return self._frames[index]
+        except BaseException as error:  # whatever it is belongs to the frame, not to this thread
+            return error
+
+
+def prefetch(frames: FrameSource, start: int = 0, ahead: int = AHEAD) -> Prefetch:
+    """Read frames in order in a background thread; see `Prefetch`."""
+    return Prefetch(frames, start, ahead)
