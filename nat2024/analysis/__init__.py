@@ -9,6 +9,7 @@ from nat2024.analysis.attributes import (
     computed_attributes,
     with_computed_attributes,
 )
+from nat2024.analysis.documents import attribute_document, attribute_rows, frame_rows
 from nat2024.analysis.light import LightTrace, trace_light
 from nat2024.analysis.rules import (
     RULES,
@@ -25,9 +26,12 @@ __all__ = [
     "ComputedAttributes",
     "DatasetStatistics",
     "LightTrace",
+    "attribute_document",
     "attribute_meanings",
+    "attribute_rows",
     "computed_attributes",
     "dataset_statistics",
+    "frame_rows",
     "get_rules",
     "label_agreement",
     "trace_light",

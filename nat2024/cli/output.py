@@ -15,8 +15,13 @@ _WIDTH = 100
 
 def print_json(document: Any) -> None:
     """Print one JSON object; NaN and infinite numbers become null."""
+    click.echo(json_text(document), nl=False)
+
+
+def json_text(document: Any) -> str:
+    """Text of one JSON object, with a line end; NaN and infinite numbers become null."""
     plain = _without_nan(msgspec.to_builtins(document, enc_hook=str))
-    click.echo(msgspec.json.format(msgspec.json.encode(plain), indent=2).decode())
+    return msgspec.json.format(msgspec.json.encode(plain), indent=2).decode() + "\n"
 
 
 def _without_nan(value: Any) -> Any:
@@ -44,7 +49,7 @@ def print_table(
 
     table = Table(
         box=SIMPLE_HEAD,
-        title=title or None,
+        title=_escape(title) if title else None,
         title_justify="left",
         pad_edge=False,
         padding=(0, 1, 0, 0),

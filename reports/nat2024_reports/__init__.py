@@ -4,6 +4,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from nat2024_reports.dataset_tables import statistics_markdown
     from nat2024_reports.formats import FORMATS, render
     from nat2024_reports.gains import relative_gain
     from nat2024_reports.tables import ScoreTable, overall_table
@@ -14,9 +15,17 @@ _HOMES = {
     "overall_table": "tables",
     "relative_gain": "gains",
     "render": "formats",
+    "statistics_markdown": "dataset_tables",
 }
 
-__all__ = ["FORMATS", "ScoreTable", "overall_table", "relative_gain", "render"]
+__all__ = [
+    "FORMATS",
+    "ScoreTable",
+    "overall_table",
+    "relative_gain",
+    "render",
+    "statistics_markdown",
+]
 
 
 def __getattr__(name: str) -> Any:

@@ -7,6 +7,11 @@ from nat2024.cli.groups import Verbs
 _VERBS = {
     "info": "Say what a dataset holds.",
     "validate": "Check a download against the published facts.",
+    "attributes": "Compute attributes such as fast motion or uneven light.",
+    "stats": "Write the tables and figures of a dataset paper.",
+    "index": "Write frames, checksums and annotation into one file.",
+    "convert": "Write a dataset in another format, without losing a value.",
+    "schema": "Print the JSON Schema of an index.",
     "synthesize": "Render short plain night clips with exact boxes.",
 }
 

@@ -1,0 +1,103 @@
+"""`nat-bench dataset attributes` and `stats`, as a user meets them."""
+
+import csv
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from nat2024.cli import run
+
+
+@pytest.fixture
+def cli(capsys: Any) -> Any:
+    """Run a command; gives (exit status, standard output, standard error)."""
+
+    def call(*words: object) -> tuple[int, str, str]:
+        status = run([str(word) for word in words])
+        out, err = capsys.readouterr()
+        return status, out, err
+
+    return call
+
+
+def test_attributes_as_a_table(night_clip: Path, cli: Any) -> None:
+    status, out, _ = cli("dataset", "attributes", night_clip)
+    assert status == 0
+    assert max(map(len, out.splitlines())) <= 100
+    assert "area<400, computed: the first box has fewer than 400 pixels" in out
+
+
+def test_attributes_as_json(night_clip: Path, cli: Any) -> None:
+    words = ("dataset", "attributes", night_clip, "--json", "--rules", "lasot", "--per-frame")
+    status, out, _ = cli(*words, "--rule-option", "low_area=300", "--every", "4")
+    document = json.loads(out)
+    assert status == 0
+    assert document["provenance"] == "computed"
+    assert document["rules"]["low_area"] == 300
+    narrow = document["sequences"][0]
+    assert narrow["sequence"] == "narrow"
+    assert narrow["frames_looked_at"] == 2
+    assert 0 in narrow["frames"]["LR"]
+
+
+def test_attributes_in_files(night_clip: Path, tmp_path: Path, cli: Any) -> None:
+    words = ("dataset", "attributes", night_clip, "--no-pixels", "--out")
+    assert cli(*words, tmp_path / "a.csv")[0] == 0
+    rows = list(csv.DictReader((tmp_path / "a.csv").open()))
+    assert next((row["sequence"], row["provenance"]) for row in rows) == ("narrow", "computed")
+    assert "UL" not in rows[0]
+    assert cli(*words, tmp_path / "b.csv", "--per-frame")[0] == 0
+    assert len((tmp_path / "b.csv").read_text().splitlines()) == 1 + 3 * 8
+    assert cli(*words, tmp_path / "c.json")[0] == 0
+    assert len(json.loads((tmp_path / "c.json").read_text())["sequences"]) == 3
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--rules", "uav12"), "no attribute rules 'uav12'; closest: uav123"),
+        (("--rule-option", "area=3"), "no option 'area'"),
+        (("--rule-option", "low_area"), "--rule-option 'low_area': expected KEY=VALUE"),
+        (("--out", "a.txt"), "ends in .csv or .json"),
+        (("--per-frame",), "--per-frame needs --out FILE or --json"),
+        (("--every", "0"), "--every"),
+    ],
+)
+def test_wrong_words_are_one_line(
+    night_clip: Path, cli: Any, words: tuple[str, ...], message: str
+) -> None:
+    status, out, err = cli("dataset", "attributes", night_clip, *words)
+    assert (status, out) == (2, "")
+    assert message in err
+    assert err.count("\n") == 1
+
+
+def test_stats_writes_tables_and_figures(night_clip: Path, tmp_path: Path, cli: Any) -> None:
+    status, out, err = cli("dataset", "stats", night_clip, "--out", tmp_path, "--every", "4")
+    assert status == 0
+    assert "3 sequences, 24 frames" in out
+    assert str(tmp_path) in err
+    names = {path.name for path in tmp_path.iterdir()}
+    figures = ("lengths", "boxes", "centres", "light", "co_occurrence", "first_frames")
+    assert names == {
+        *(f"{name}.{kind}" for name in figures for kind in ("pdf", "png")),
+        *("sequences.csv", "attributes.csv", "co_occurrence.csv"),
+        *("statistics.json", "statistics.md"),
+    }
+    document = json.loads((tmp_path / "statistics.json").read_text())
+    assert document["summary"]["frames"] == 24
+    assert document["summary"]["mean_grey"]["count"] == 6
+    assert all(path.stat().st_size > 100 for path in tmp_path.iterdir())
+
+
+def test_stats_without_pixels_and_figures(night_clip: Path, tmp_path: Path, cli: Any) -> None:
+    words = ("dataset", "stats", night_clip, "--out", tmp_path, "--no-pixels", "--no-figures")
+    status, out, _ = cli(*words, "--json")
+    assert status == 0
+    document = json.loads(out)
+    assert document["every"] == 0
+    assert "light_spread" not in document["summary"]
+    assert document["sequences"][0]["light_spread"] is None
+    assert len(list(tmp_path.iterdir())) == 5
