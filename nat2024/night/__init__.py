@@ -1,5 +1,14 @@
 """Night video made by code, with exact ground truth."""
 
 from nat2024.night.clip import Clip, render_clip
+from nat2024.night.sequence import NightFrame, NightSequence, NightSettings, Truth, attributes
 
-__all__ = ["Clip", "render_clip"]
+__all__ = [
+    "Clip",
+    "NightFrame",
+    "NightSequence",
+    "NightSettings",
+    "Truth",
+    "attributes",
+    "render_clip",
+]
