@@ -1,7 +1,6 @@
 """Every error that a user can cause, each saying what is wrong, where, and what to do next.
 
-The command line prints the message of a `NatBenchError` as one line and leaves with status 2;
-anything else that escapes is a bug of ours.
+The command line prints the message of a `NatBenchError` as one line and leaves with status 2.
 """
 
 
@@ -47,6 +46,10 @@ class BoxFileError(NatBenchError):
 
 class AnnotationInvalid(NatBenchError):
     """An annotation file, such as an index or COCO JSON, that cannot be read or used."""
+
+
+class Unwritable(NatBenchError):
+    """A file or folder that cannot be written."""
 
 
 class FrameUnreadable(NatBenchError):

@@ -7,6 +7,8 @@ import re
 import secrets
 from pathlib import Path
 
+from nat2024.errors import Unwritable
+
 _TEMPORARY = re.compile(r"\..*\.(?P<host>[^.]*)-(?P<process>\d+)-[0-9a-f]+\.tmp")
 
 
@@ -15,22 +17,41 @@ def write_atomic(path: str | os.PathLike[str], data: str | bytes) -> None:
 
     The folder is made where absent. A process killed at any moment leaves the old file, or none;
     what it had begun is removed by `remove_leftovers`.
+
+    Raises:
+        Unwritable: the file system refuses; says why.
     """
     path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
     raw = data.encode() if isinstance(data, str) else data
     owner = f"{_host()}-{os.getpid()}-{secrets.token_hex(4)}"
     temporary = path.with_name(f".{path.name[:40]}.{owner}.tmp")
     try:
+        path.parent.mkdir(parents=True, exist_ok=True)
         with temporary.open("xb") as file:
             file.write(raw)
             file.flush()
             os.fsync(file.fileno())
         temporary.replace(path)
+    except OSError as error:
+        _forget(temporary)
+        msg = f"{path}: cannot be written ({error.strerror or error})"
+        raise Unwritable(msg) from None
     except BaseException:
-        with contextlib.suppress(OSError):
-            temporary.unlink()
+        _forget(temporary)
         raise
+
+
+def _forget(temporary: Path) -> None:
+    with contextlib.suppress(OSError):
+        temporary.unlink()
+
+
+def expand(path: str | os.PathLike[str]) -> Path:
+    """The path with `~` for the user's folder; left as it is where there is no such user."""
+    try:
+        return Path(path).expanduser()
+    except RuntimeError:
+        return Path(path)
 
 
 def remove_leftovers(folder: str | os.PathLike[str]) -> None:

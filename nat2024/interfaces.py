@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol, TypeAlias, r
 import numpy as np
 
 from nat2024.cards import Card
+from nat2024.devices import check_device
 from nat2024.errors import ArrayContract, InvalidOption
 from nat2024.images import batch_to_image, check_batch, check_image, image_to_batch
 from nat2024.types import Box, Image
@@ -47,7 +48,7 @@ class Enhancer:
     weights: Weights | None = None
 
     def __init__(self, *, device: str = "cpu") -> None:
-        self.device = device
+        self.device = check_device(device)
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
@@ -82,7 +83,7 @@ class Enhancer:
 
         check_batch(batch)
         images = [self.enhance(batch_to_image(one.unsqueeze(0))) for one in batch]
-        return torch.cat([image_to_batch(image, batch.device) for image in images])
+        return torch.cat([image_to_batch(image, self.device) for image in images])
 
     def maps(self, batch: "torch.Tensor") -> "dict[str, torch.Tensor]":
         """Intermediate maps by name, channels fed in the order given; empty where there are none.
@@ -98,8 +99,8 @@ class NeuralEnhancer(Enhancer, ABC):
     """An enhancer with a network: pads to the network's stride, runs it, cuts back, clamps.
 
     A subclass gives `build` (the network), `forward` (padded batch to enhanced batch) and `stride`.
-    Nothing derived from the weights is kept between calls unless `derive` makes it: a state dict
-    loaded into `.model` takes effect at the next call.
+    Nothing derived from the weights is kept between calls: a state dict loaded into `.model` takes
+    effect at the next call.
     """
 
     stride: int = 1
@@ -158,14 +159,15 @@ class NeuralEnhancer(Enhancer, ABC):
         import torch
 
         check_batch(batch)
-        with torch.inference_mode():
+        with torch.no_grad():
             return self.forward_maps(pad_to_multiple(batch.to(self.device), self.stride))
 
     def _run(self, batch: "torch.Tensor") -> "torch.Tensor":
         import torch
 
         height, width = batch.shape[-2:]
-        with torch.inference_mode():
+        # not inference_mode: what comes out may enter somebody's training
+        with torch.no_grad():
             padded = pad_to_multiple(batch.to(self.device), self.stride)
             enhanced = self.forward(padded)[..., :height, :width]
             return enhanced.clamp(0.0, 1.0) if self.clamp else enhanced.contiguous()
@@ -235,7 +237,7 @@ class Tracker(ABC):
             msg = f"{self.name} takes only scope={' or '.join(self.card.scopes)}, not {scope}"
             raise InvalidOption(msg)
         self.enhancer = enhancer
-        self.device = device
+        self.device = check_device(device)
 
     def init(self, image: Image, box: Any) -> Box:
         """Start on a frame.
@@ -281,16 +283,26 @@ def enhance_frame(enhancer: BatchEnhancer, frame: Image, device: str) -> Image:
     if own is not None:
         enhanced: Image = own(frame)
         return enhanced
-    device = getattr(enhancer, "device", device)
-    return batch_to_image(enhancer.enhance_batch(image_to_batch(frame, device)))
+    batch = image_to_batch(frame, getattr(enhancer, "device", device))
+    enhanced_batch = enhancer.enhance_batch(batch)
+    if enhanced_batch.shape != batch.shape:
+        msg = (
+            f"the enhancer turned a frame of shape {tuple(batch.shape)} into "
+            f"{tuple(enhanced_batch.shape)}; it must keep the shape"
+        )
+        raise ArrayContract(msg)
+    return batch_to_image(enhanced_batch)
 
 
 def check_start_box(box: Any, image: Image) -> Box:
     """Return the box as float64 (4,) if a tracker can start on it, else raise `ArrayContract`."""
-    start = np.array(box, dtype=np.float64).reshape(-1)
+    try:
+        start = np.array(box, dtype=np.float64).reshape(-1)
+    except (TypeError, ValueError):
+        start = np.empty(0)
     height, width = image.shape[:2]
     if start.shape != (4,) or not np.isfinite(start).all():
-        msg = f"start box must be four finite numbers x, y, w, h, not {np.asarray(box).tolist()}"
+        msg = f"start box must be four finite numbers x, y, w, h, not {box!r:.60}"
         raise ArrayContract(msg)
     x, y, w, h = start
     if w <= 0 or h <= 0:

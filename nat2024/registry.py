@@ -3,6 +3,7 @@
 Entry points are listed without importing anything; a plugin is imported when it is chosen.
 """
 
+import hashlib
 import importlib
 import importlib.metadata
 import importlib.util
@@ -18,7 +19,14 @@ from typing import Any, Literal, TypeAlias, TypeVar
 
 import msgspec
 
-from nat2024.errors import BrokenPlugin, DuplicatePlugin, InvalidOption, UnknownPlugin
+from nat2024.cards import Card
+from nat2024.errors import (
+    BrokenPlugin,
+    DuplicatePlugin,
+    InvalidOption,
+    NatBenchError,
+    UnknownPlugin,
+)
 from nat2024.interfaces import BatchEnhancer, Enhancer, Tracker
 from nat2024.types import closest
 from nat2024.zoo import WeightsSpec
@@ -127,12 +135,14 @@ def load_plugin(name: str, kind: Kind) -> type[Any]:
     """
     entry = _entries().get(name)
     if entry is None or entry.kind != kind:
-        other = f" ({name} is a {entry.kind})" if entry else closest(name, list_plugins(kind))
+        article = "an" if entry and entry.kind == "enhancer" else "a"
+        other = f" ({name} is {article} {entry.kind})" if entry else ""
+        other = other or closest(str(name), list_plugins(kind))
         msg = f"unknown {kind} {name!r}{other}; `nat-bench list` shows all"
         raise UnknownPlugin(msg)
     try:
         cls = entry.load()
-    except Exception as error:  # a foreign plugin may fail in any way
+    except (Exception, SystemExit) as error:  # a foreign plugin may fail in any way
         msg = f"{kind} {name} ({entry.origin}) cannot be imported: {type(error).__name__}: {error}"
         raise BrokenPlugin(msg) from error
     if not (isinstance(cls, type) and issubclass(cls, _BASES[kind])):
@@ -140,6 +150,9 @@ def load_plugin(name: str, kind: Kind) -> type[Any]:
         raise BrokenPlugin(msg)
     if not getattr(cls, "name", ""):
         msg = f"{kind} {name} ({entry.origin}) lacks its @register_{kind}({name!r}) decorator"
+        raise BrokenPlugin(msg)
+    if not isinstance(getattr(cls, "card", None), Card):
+        msg = f"{kind} {name} ({entry.origin}) has no card; give its class card = Card(...)"
         raise BrokenPlugin(msg)
     return cls
 
@@ -153,7 +166,8 @@ def load_plugin_file(source: str) -> None:
     path = Path(source)
     try:
         if path.suffix == ".py":
-            module_name = f"nat_bench_plugin_{path.stem}"
+            whole = hashlib.sha256(str(path.resolve()).encode()).hexdigest()[:12]
+            module_name = f"nat_bench_plugin_{path.stem}_{whole}"
             spec = importlib.util.spec_from_file_location(module_name, path)
             if spec is None or spec.loader is None:
                 msg = f"{source} is no Python file"
@@ -165,7 +179,7 @@ def load_plugin_file(source: str) -> None:
             importlib.import_module(source)
     except (BrokenPlugin, DuplicatePlugin):
         raise
-    except Exception as error:  # a foreign plugin may fail in any way
+    except (Exception, SystemExit) as error:  # a foreign plugin may fail in any way
         msg = f"plugin {source} cannot be loaded: {type(error).__name__}: {error}"
         raise BrokenPlugin(msg) from error
 
@@ -228,9 +242,8 @@ def create_enhancer(
             line that says what to do.
     """
     cls = load_plugin(name, "enhancer")
-    created: Enhancer = cls(
-        device=device, **_weights_argument(cls, weights), **resolve_options(cls, options)
-    )
+    arguments = {**_weights_argument(cls, weights), **resolve_options(cls, options)}
+    created: Enhancer = _create(cls, device=device, **arguments)
     return created
 
 
@@ -261,13 +274,19 @@ def create_tracker(
     elif enhancer is not None and not isinstance(enhancer, BatchEnhancer):
         msg = f"enhancer must be a name or have enhance_batch, not {type(enhancer).__name__}"
         raise InvalidOption(msg)
-    created: Tracker = cls(
-        enhancer=enhancer,
-        device=device,
-        **_weights_argument(cls, weights),
-        **resolve_options(cls, options),
-    )
+    arguments = {**_weights_argument(cls, weights), **resolve_options(cls, options)}
+    created: Tracker = _create(cls, enhancer=enhancer, device=device, **arguments)
     return created
+
+
+def _create(cls: type[Any], **arguments: Any) -> Any:
+    try:
+        return cls(**arguments)
+    except NatBenchError:
+        raise
+    except (Exception, SystemExit) as error:  # a foreign plugin may fail in any way
+        msg = f"{cls.name} cannot be created: {type(error).__name__}: {error}"
+        raise BrokenPlugin(msg) from error
 
 
 def takes_weights(cls: type) -> bool:

@@ -139,7 +139,7 @@ class Dataset:
         try:
             return self._by_name[name]
         except KeyError:
-            close = closest(name, self._by_name)
+            close = closest(name, self._by_name) if isinstance(name, str) else "; pass a name"
             msg = f"dataset {self.name} has no sequence {name!r}{close}"
             raise UnknownSequence(msg) from None
 

@@ -29,14 +29,14 @@ _VERBS = {
 @click.option("--debug", is_flag=True, expose_value=False, help="Show the traceback of an error.")
 @click.version_option(package_name="nat-bench")
 def cli() -> None:
-    r"""Benchmark low-light enhancers and trackers on night video from drones.
+    """Benchmark low-light enhancers and trackers on night video from drones.
 
     \b
     nat-bench run --tracker mil --enhancer none --enhancer clahe --dataset FOLDER
     nat-bench table --results results
 
     Exit status: 0 done, 1 some sequences failed, 2 wrong usage or input.
-    """
+    """  # noqa: D301 - \b keeps the two lines apart
 
 
 def main(args: Sequence[str] | None = None) -> None:
@@ -53,11 +53,16 @@ def run(args: Sequence[str] | None = None) -> int:
     except click.exceptions.Abort:
         click.echo("nat-bench: stopped; finished sequences are kept", err=True)
         return 130
+    except click.exceptions.NoArgsIsHelpError as error:
+        click.echo(error.format_message())
+        return 0
     except click.ClickException as error:
         return _complain(error.format_message(), debug)
-    except BrokenPipeError:
-        sys.stderr.close()  # the reader of our output has gone; there is nobody to tell
+    except SystemExit:  # click leaves so where the reader of our output has gone
         return 0
+    except OSError as error:
+        where = f"{error.filename}: " if error.filename else ""
+        return _complain(f"{where}{error.strerror or error}", debug)
     except Exception as error:
         from nat2024.errors import NatBenchError
 

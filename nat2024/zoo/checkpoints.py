@@ -62,9 +62,9 @@ def _read_torch(path: Path) -> Any:
     try:
         with torch.serialization.safe_globals(_harmless_globals()):
             return torch.load(path, map_location="cpu", weights_only=True)
-    except pickle.UnpicklingError as error:
-        reason = str(error).split("\n", 1)[0]
-        msg = f"{path}: refused, it holds more than tensors or is no checkpoint ({reason})"
+    except pickle.UnpicklingError:
+        # PyTorch's own message advises to load it unsafely; nobody should read that here
+        msg = f"{path}: refused, it holds more than tensors or is no PyTorch checkpoint"
         raise WeightsMismatch(msg) from None
     except Exception as error:  # damaged bytes can fail anywhere inside the unpickler
         reason = str(error).split("\n", 1)[0] or type(error).__name__

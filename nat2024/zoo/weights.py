@@ -8,6 +8,7 @@ from typing import Literal, TypeAlias
 
 from nat2024.cards import Card
 from nat2024.errors import WeightsMissing
+from nat2024.files import expand
 
 WeightsSpec: TypeAlias = str | os.PathLike[str] | Literal[False] | None
 """A path, `False` for fresh initial weights, or `None` for the best that is at hand."""
@@ -41,7 +42,10 @@ def find_weights(name: str, spec: WeightsSpec, card: Card) -> Weights:
         return Weights(None, "fresh")
     if spec is None:
         raise WeightsMissing(_how_to_get(name, card))
-    path = Path(spec).expanduser()
+    if not isinstance(spec, str | os.PathLike) or not str(spec):
+        msg = f"weights of {name} must be a path, False or None, not {spec!r}"
+        raise WeightsMissing(msg)
+    path = expand(spec)
     if not path.exists():
         msg = f"weights of {name}: {path}: no such file"
         raise WeightsMissing(msg)

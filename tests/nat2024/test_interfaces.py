@@ -125,6 +125,7 @@ def test_the_default_scope_is_the_first_of_the_card() -> None:
         ([1, 2, 0, 4], "has no area"),
         ([1, 2, 3, -4], "has no area"),
         ([1, 2, 3], "must be four finite numbers"),
+        ("abcd", "must be four finite numbers x, y, w, h, not 'abcd'"),
         ([1, 2, float("nan"), 4], "must be four finite numbers"),
         ([1, 2, float("inf"), 4], "must be four finite numbers"),
         ([7, 2, 3, 4], "lies outside the 7x11 image"),
@@ -158,3 +159,22 @@ def test_what_is_no_image(image: Any) -> None:
         Halves().enhance(image)
     with pytest.raises(ArrayContract, match="image must"):
         Sees().init(image, [0, 0, 2, 2])
+
+
+def test_an_enhancer_that_changes_the_shape_is_told() -> None:
+    class Narrows:
+        def enhance_batch(self, batch: Any) -> Any:
+            return batch[..., :-1]
+
+    with pytest.raises(ArrayContract, match="it must keep the shape"):
+        Sees(enhancer=Narrows(), scope="frame").init(IMAGE, [1, 1, 3, 3])
+
+
+def test_what_a_network_gives_may_enter_training() -> None:
+    import nat2024
+
+    enhancer = nat2024.create_enhancer("ldenhancer", weights=False)
+    out = enhancer.enhance_batch(torch.rand(1, 3, 16, 16))
+    layer = torch.nn.Conv2d(3, 1, 1)
+    layer(out).sum().backward()
+    assert layer.weight.grad is not None

@@ -1,5 +1,6 @@
 """Finding plugins, checking their options, and saying what is wrong with a broken one."""
 
+from pathlib import Path
 from typing import Any, Literal
 
 import pytest
@@ -7,7 +8,14 @@ import pytest
 import nat2024
 from nat2024 import registry
 from nat2024.cards import Card
-from nat2024.errors import BrokenPlugin, DuplicatePlugin, InvalidOption, UnknownPlugin
+from nat2024.errors import (
+    BrokenPlugin,
+    DuplicatePlugin,
+    InvalidOption,
+    UnknownPlugin,
+    UsageError,
+    WeightsMissing,
+)
 
 
 def test_entry_points_are_listed() -> None:
@@ -153,3 +161,65 @@ def test_a_class_of_the_wrong_kind_is_refused(monkeypatch: Any) -> None:
     monkeypatch.setitem(registry._registered, "wrong", entry)
     with pytest.raises(BrokenPlugin, match="is no subclass of Enhancer"):
         nat2024.create_enhancer("wrong")
+
+
+def test_a_plugin_without_a_card_is_broken_and_harms_no_other(monkeypatch: Any) -> None:
+    from nat2024 import Enhancer
+
+    cls = type("Bare", (Enhancer,), {"enhance_batch": lambda _self, batch: batch, "name": "bare"})
+    entry = registry.Entry("bare", "enhancer", "bare:Bare", lambda: cls)
+    monkeypatch.setitem(registry._registered, "bare", entry)
+    with pytest.raises(BrokenPlugin, match="has no card"):
+        nat2024.create_enhancer("bare")
+
+
+@pytest.mark.usefixtures("small_plugins")
+def test_a_plugin_that_fails_to_be_created_is_named() -> None:
+    from nat2024 import Enhancer
+
+    @registry.register_enhancer("fragile")
+    class Fragile(Enhancer):
+        card = Card(title="Fragile", summary="")
+
+        def __init__(self, *, strength: float = 1.0, **base: Any) -> None:
+            super().__init__(**base)
+            raise SystemExit(3)
+
+        def enhance_batch(self, batch: Any) -> Any:
+            return batch
+
+    with pytest.raises(BrokenPlugin, match="fragile cannot be created: SystemExit: 3"):
+        nat2024.create_enhancer("fragile")
+
+
+def test_two_files_of_one_name_do_not_replace_each_other(tmp_path: Any, small_plugins: str) -> None:
+    for folder in ("a", "b"):
+        (tmp_path / folder).mkdir()
+        text = Path(small_plugins).read_text().replace('"still"', '"twice"')
+        (tmp_path / folder / "plug.py").write_text(text.replace('"fails"', f'"fails_{folder}"'))
+    registry._registered.clear()
+    registry.load_plugin_file(str(tmp_path / "a" / "plug.py"))
+    with pytest.raises(DuplicatePlugin, match="'twice' is taken twice"):
+        registry.load_plugin_file(str(tmp_path / "b" / "plug.py"))
+
+
+@pytest.mark.parametrize("device", ["tpu", "cuda:x", "cuda:²", "", "cuda:-1"])
+def test_devices_that_are_none(device: str) -> None:
+    with pytest.raises(UsageError, match="is none of cpu, cuda, cuda:N"):
+        nat2024.create_enhancer("gamma", device=device)
+
+
+def test_a_device_that_is_not_there() -> None:
+    with pytest.raises(UsageError, match="torch sees"):
+        nat2024.create_tracker("mil", device="cuda:99")
+
+
+@pytest.mark.parametrize("weights", [0, True, "", 1.5])
+def test_weights_that_are_no_path(weights: Any) -> None:
+    with pytest.raises(WeightsMissing, match="must be a path, False or None"):
+        nat2024.create_enhancer("ldenhancer", weights=weights)
+
+
+def test_a_user_folder_that_does_not_exist() -> None:
+    with pytest.raises(WeightsMissing, match="no such file"):
+        nat2024.create_enhancer("ldenhancer", weights="~nobody_of_this_name/x.pth")

@@ -308,6 +308,54 @@ def test_each_mistake_is_one_line_and_status_2(
     assert len(err.splitlines()) == 1
 
 
+def test_help_keeps_its_lines_and_is_shown_without_a_verb(cli: Any) -> None:
+    _, out, _ = cli("--help")
+    assert "\\b" not in out
+    assert "\n  nat-bench table --results results\n" in out
+    assert cli() == (0, out, "")
+    assert "synthesize" in cli("dataset")[1]
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "dataset synthesize {file}/x",
+        "run --tracker still --dataset {clip} --results {file}/r",
+        "run --tracker still --dataset {clip} --results {link}",
+        "table --results {results} --format csv --out {file}/x.csv",
+    ],
+)
+def test_what_cannot_be_written_is_one_line(
+    words: str, night_clip: Path, results: Path, tmp_path: Path, cli: Any
+) -> None:
+    (tmp_path / "file").write_text("")
+    (tmp_path / "link").symlink_to(tmp_path / "nowhere" / "at" / "all")
+    places = {name: tmp_path / name for name in ("file", "link")}
+    command = words.format(clip=night_clip, results=results, **places)
+    status, _, err = cli(*command.split(), "--quiet")
+    assert status == 2
+    assert len(err.splitlines()) == 1
+    assert "cannot be written" in err or "Not a directory" in err
+
+
+def test_a_reader_that_goes_away_is_no_failure() -> None:
+    import subprocess
+    import sys
+
+    command = f"{sys.executable} -m nat2024 list --json | true; echo ${{PIPESTATUS[0]}}"
+    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "0"
+    assert done.stderr == ""
+
+
+def test_words_in_brackets_are_no_markup(cli: Any, tmp_path: Path, small_plugins: str) -> None:
+    folder = tmp_path / "[bold]"
+    cli("dataset", "synthesize", folder, "--frames", 3, "--sequences", 1)
+    status, out, _ = cli("run", "--tracker", "still", "--dataset", folder, "--results", tmp_path)
+    assert status == 0
+    assert "[bold]: 1 sequences, 3 frames" in out
+
+
 def test_debug_shows_the_traceback(cli: Any, tmp_path: Path) -> None:
     status, _, err = cli("eval", "--results", tmp_path / "absent", "--debug")
     assert status == 2
