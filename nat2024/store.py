@@ -3,6 +3,7 @@
 ```
 RESULTS/DATASET/RUN/SEQUENCE.txt        x,y,w,h a line, one line a frame
 RESULTS/DATASET/RUN/time/SEQUENCE.csv   read,enhance,track seconds a frame
+RESULTS/DATASET/RUN/skipped/SEQUENCE.csv  numbers of the frames that were skipped, if any
 RESULTS/DATASET/RUN/run.json            manifest
 ```
 
@@ -13,7 +14,7 @@ one set of options, weights and scope.
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, TypeAlias
 
 import msgspec
 import numpy as np
@@ -22,6 +23,9 @@ from nat2024.boxes import parse_rows, read_boxes, write_boxes
 from nat2024.errors import DatasetNotFound, ResultConflict
 from nat2024.files import remove_leftovers, write_atomic
 from nat2024.types import Boxes, Floats
+
+OnBadFrame: TypeAlias = Literal["error", "skip"]
+"""What to do with a frame that cannot be read."""
 
 FORMAT = 1
 STAGES = ("read", "enhance", "track")
@@ -69,6 +73,7 @@ class Session(msgspec.Struct, forbid_unknown_fields=True):
     started: str
     finished: str = ""
     workers: int = 1
+    read_ahead: int = 0
     versions: dict[str, str] = {}
     machine: dict[str, str] = {}
 
@@ -95,9 +100,11 @@ class Manifest(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
         scope: what was enhanced, "patch" or "frame".
         device: "cpu" or "cuda".
         threads: computing threads of each worker.
+        on_bad_frame: "error", or "skip": frames that cannot be read repeat the last box.
         repeatable: whether the same run gives the same bytes again.
         sessions: every call that worked on it.
         failures: reason by sequence, for those that have no result.
+        skipped_frames: by sequence, the 0-based numbers of the frames that could not be read.
         timing: over all finished sequences.
         format: version of this layout.
     """
@@ -108,9 +115,11 @@ class Manifest(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
     scope: str = "patch"
     device: str = "cpu"
     threads: int = 1
+    on_bad_frame: OnBadFrame = "error"
     repeatable: bool = True
     sessions: list[Session] = []
     failures: dict[str, str] = {}
+    skipped_frames: dict[str, list[int]] = {}
     timing: StageTimes | None = None
     format: int = FORMAT
 
@@ -122,10 +131,17 @@ class Manifest(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 @dataclass(frozen=True, slots=True)
 class Track:
-    """What a tracker did on one sequence: boxes (n, 4) and seconds (n, 3) of `STAGES`."""
+    """What a tracker did on one sequence.
+
+    Attributes:
+        boxes: float64 (n, 4).
+        seconds: float64 (n, 3) of `STAGES`.
+        skipped: 0-based numbers of the frames that could not be read; their boxes are repeated.
+    """
 
     boxes: Boxes
     seconds: Floats
+    skipped: tuple[int, ...] = ()
 
 
 def run_name(tracker: str, enhancer: str) -> str:
@@ -158,6 +174,10 @@ class RunFolder:
         """Where the times of a sequence are kept."""
         return self.path / "time" / f"{sequence}.csv"
 
+    def skipped_file(self, sequence: str) -> Path:
+        """Where the numbers of skipped frames of a sequence are kept, if there are any."""
+        return self.path / "skipped" / f"{sequence}.csv"
+
     def has(self, sequence: str) -> bool:
         """Whether the sequence is finished."""
         return self.box_file(sequence).is_file()
@@ -178,13 +198,30 @@ class RunFolder:
 
     def write(self, sequence: str, track: Track) -> None:
         """Store one finished sequence; the boxes last, since they say that it is finished."""
+        skipped = self.skipped_file(sequence)
+        if track.skipped:
+            write_atomic(skipped, "".join(f"{number}\n" for number in track.skipped))
+        else:
+            skipped.unlink(missing_ok=True)
         rows = (",".join(f"{value:.6f}" for value in row) for row in track.seconds.tolist())
         write_atomic(self.time_file(sequence), "\n".join([",".join(STAGES), *rows, ""]))
         write_boxes(self.box_file(sequence), track.boxes)
 
+    def skipped_frames(self) -> dict[str, list[int]]:
+        """Numbers of skipped frames of all finished sequences that have some.
+
+        Raises:
+            ResultConflict: a file of them has anything but whole numbers in it.
+        """
+        found = {}
+        for path in sorted(self.path.glob("skipped/*.csv")):
+            if self.has(path.stem):
+                found[path.stem] = _read_numbers(path)
+        return found
+
     def clean(self) -> None:
         """Remove what killed processes have left half written."""
-        for folder in (self.path, self.path / "time"):
+        for folder in (self.path, self.path / "time", self.path / "skipped"):
             remove_leftovers(folder)
 
     def manifest(self) -> Manifest | None:
@@ -208,10 +245,15 @@ class RunFolder:
         write_atomic(self.path / "run.json", raw + b"\n")
 
     def stage_times(self) -> StageTimes | None:
-        """Mean times over all finished sequences, None where none are stored."""
-        tables = [self.seconds(s) for s in self.finished() if self.time_file(s).is_file()]
-        if not tables:
+        """Mean times over all finished sequences, None where none are stored.
+
+        Frames that were skipped cost no enhancing or tracking and do not count.
+        """
+        timed = [s for s in self.finished() if self.time_file(s).is_file()]
+        if not timed:
             return None
+        skipped = self.skipped_frames()
+        tables = [np.delete(self.seconds(s), skipped.get(s, []), axis=0) for s in timed]
         steady = np.concatenate([table[1:] for table in tables])
         first = np.array([table[0].sum() for table in tables])
         read, enhance, track = steady.mean(axis=0).tolist() if len(steady) else (0.0, 0.0, 0.0)
@@ -261,7 +303,11 @@ def _differences(stored: Manifest, wanted: Manifest) -> list[str]:
 
 def _identity(manifest: Manifest) -> dict[str, Any]:
     """What two calls must share to work on one run folder."""
-    identity: dict[str, Any] = {"device": manifest.device, "threads": manifest.threads}
+    identity: dict[str, Any] = {
+        "device": manifest.device,
+        "threads": manifest.threads,
+        "on_bad_frame": manifest.on_bad_frame,
+    }
     if manifest.enhancer:
         identity["scope"] = manifest.scope
     for record in (manifest.tracker, manifest.enhancer):
@@ -274,6 +320,14 @@ def _identity(manifest: Manifest) -> dict[str, Any]:
             digest = record.weights.sha256[:12] or record.weights.origin
             identity[f"weights of {record.title}"] = digest
     return identity
+
+
+def _read_numbers(path: Path) -> list[int]:
+    try:
+        return [int(line) for line in path.read_text().split()]
+    except ValueError:
+        msg = f"{path}: expected one frame number a line; move the file away"
+        raise ResultConflict(msg) from None
 
 
 def dataset_folder(results: str | Path, dataset: str) -> Path:

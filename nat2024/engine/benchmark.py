@@ -6,11 +6,14 @@ import logging
 import platform
 import subprocess
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
+from typing import get_args
 
+from nat2024.datasets.prefetch import AHEAD
 from nat2024.engine.plan import Combination, describe
 from nat2024.engine.workers import (
     Job,
@@ -22,7 +25,7 @@ from nat2024.engine.workers import (
     run_in_workers,
 )
 from nat2024.errors import DatasetIncomplete, ResultConflict, UsageError
-from nat2024.store import DatasetRecord, Manifest, RunFolder, Session, open_run
+from nat2024.store import DatasetRecord, Manifest, OnBadFrame, RunFolder, Session, open_run
 from nat2024.types import Dataset
 
 log = logging.getLogger("nat2024")
@@ -82,6 +85,8 @@ def run_benchmark(
     lenient: bool = False,
     workers: int = 1,
     threads: int = 1,
+    on_bad_frame: OnBadFrame = "error",
+    read_ahead: int = AHEAD,
     plugins: tuple[str, ...] = (),
     progress: Progress = _no_progress,
 ) -> BenchmarkReport:
@@ -99,31 +104,35 @@ def run_benchmark(
         lenient: whether `dataset` was loaded so.
         workers: number of processes; results do not depend on it.
         threads: computing threads of each worker; part of what a result depends on.
+        on_bad_frame: as in `track_sequence`; part of what a result depends on.
+        read_ahead: frames that are decoded ahead of the tracker; results do not depend on it.
         plugins: plugin files that spawned workers must load.
         progress: called with frames done since the last call and what is being tracked.
 
     Raises:
-        UsageError: workers or threads below 1, or the device is not there.
+        UsageError: workers or threads below 1, read_ahead below 0, or the device is not there.
         DatasetIncomplete: the dataset has no sequence to run.
         ResultConflict: a run folder was made with other settings.
         WeightsMissing, WeightsMismatch, InvalidOption: a combination cannot be created.
     """
     combinations = list(combinations)
     _check(combinations, dataset, workers, threads)
+    _check_reading(on_bad_frame, read_ahead)
     record = DatasetRecord(
         dataset.name, source or dataset.name, root, lenient, dataset.fingerprint()
     )
     folder = Path(results) / dataset.name
     trackers = Trackers()
     with computing_threads(threads):
-        runs = [_open(one, trackers, dataset, record, folder, threads) for one in combinations]
+        settings = partial(describe, dataset=record, threads=threads, on_bad_frame=on_bad_frame)
+        runs = [_open(one, trackers, dataset, folder, settings) for one in combinations]
         jobs = [
-            Job(run.combination, dataset[name], str(run.folder.path))
+            Job(run.combination, dataset[name], str(run.folder.path), on_bad_frame, read_ahead)
             for run in runs
             for name in run.missing
         ]
         for run in runs:
-            _start(run, workers)
+            _start(run, workers, read_ahead)
         if workers == 1 or len(jobs) <= 1:
             outcomes = run_in_process(jobs, trackers, progress)
         else:
@@ -156,6 +165,15 @@ def _check(combinations: list[Combination], dataset: Dataset, workers: int, thre
         _check_device(device)
 
 
+def _check_reading(on_bad_frame: str, read_ahead: int) -> None:
+    if on_bad_frame not in get_args(OnBadFrame):
+        msg = f"on_bad_frame {on_bad_frame!r} is none of {', '.join(get_args(OnBadFrame))}"
+        raise UsageError(msg)
+    if read_ahead < 0:
+        msg = f"read_ahead must be 0 or more, not {read_ahead}"
+        raise UsageError(msg)
+
+
 def _check_device(device: str) -> None:
     import torch
 
@@ -173,24 +191,29 @@ def _open(
     combination: Combination,
     trackers: Trackers,
     dataset: Dataset,
-    record: DatasetRecord,
     folder: Path,
-    threads: int,
+    settings: Callable[..., Manifest],
 ) -> _Run:
     tracker, enhancer = combination.create()
     trackers.keep(combination, tracker)
     run_folder = RunFolder(folder / combination.run)
-    manifest = open_run(run_folder, describe(combination, tracker, enhancer, record, threads))
+    manifest = open_run(run_folder, settings(combination, tracker, enhancer))
     missing = [s.name for s in dataset if not _is_finished(run_folder, s.name, len(s))]
     return _Run(combination, run_folder, manifest, missing)
 
 
-def _start(run: _Run, workers: int) -> None:
+def _start(run: _Run, workers: int, read_ahead: int) -> None:
     """Open a session, in a run that has something left to do."""
     if run.missing:
         run.folder.clean()
         run.manifest.sessions.append(
-            Session(_timestamp(), workers=workers, versions=_versions(), machine=_machine())
+            Session(
+                _timestamp(),
+                workers=workers,
+                read_ahead=read_ahead,
+                versions=_versions(),
+                machine=_machine(),
+            )
         )
         run.folder.write_manifest(run.manifest)
 
@@ -220,9 +243,24 @@ def _finish(run: _Run) -> None:
         run.folder.clean()
         run.manifest.sessions[-1].finished = _timestamp()
         run.manifest.timing = run.folder.stage_times()
+        run.manifest.skipped_frames = run.folder.skipped_frames()
+        _tell_skipped(run)
         failures = run.manifest.failures.items()
         run.manifest.failures = {n: why for n, why in failures if not run.folder.has(n)}
         run.folder.write_manifest(run.manifest)
+
+
+def _tell_skipped(run: _Run) -> None:
+    for name, frames in run.manifest.skipped_frames.items():
+        if name in run.missing:
+            shown = ", ".join(map(str, frames[:10])) + (", ..." if len(frames) > 10 else "")
+            log.warning(
+                "%s, %s: %d frames cannot be read, the last box is repeated: %s (counted from 0)",
+                run.combination.run,
+                name,
+                len(frames),
+                shown,
+            )
 
 
 def _timestamp() -> str:

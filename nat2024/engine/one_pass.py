@@ -5,25 +5,38 @@ from typing import TypeAlias
 
 import numpy as np
 
+from nat2024.datasets.prefetch import AHEAD, Prefetch, prefetch
 from nat2024.engine.timing import TimedEnhancer, now
-from nat2024.errors import DatasetIncomplete, NatBenchError
+from nat2024.errors import DatasetIncomplete, FrameUnreadable, NatBenchError
 from nat2024.interfaces import Tracker
-from nat2024.store import STAGES, Track
-from nat2024.types import Sequence
+from nat2024.store import STAGES, OnBadFrame, Track
+from nat2024.types import Box, Floats, Image, Sequence
 
 FrameCallback: TypeAlias = Callable[[], object]
 """Called after each frame, for progress."""
 
 
 def track_sequence(
-    tracker: Tracker, sequence: Sequence, on_frame: FrameCallback | None = None
+    tracker: Tracker,
+    sequence: Sequence,
+    on_frame: FrameCallback | None = None,
+    *,
+    on_bad_frame: OnBadFrame = "error",
+    ahead: int = AHEAD,
 ) -> Track:
     """Track one sequence from its first box to its last frame.
+
+    Frames are decoded ahead in a background thread; the time told for reading is what this loop
+    waited for a frame, not what decoding it took. Boxes do not depend on it.
 
     Args:
         tracker: its enhancer may be a `TimedEnhancer`, whose time is then told apart.
         sequence: must have a box in frame 0.
         on_frame: called after each frame.
+        on_bad_frame: "error" raises where a frame cannot be read; "skip" leaves the tracker as it
+            is, repeats its last box and tells the frame in `Track.skipped`. The first frame is
+            never skipped.
+        ahead: how many frames are decoded ahead; 0 reads each when it is needed.
 
     Returns:
         Boxes (n, 4) in row 0 as the tracker reports its start, and seconds (n, 3).
@@ -34,26 +47,65 @@ def track_sequence(
     if not len(sequence.boxes):
         msg = f"{sequence.name}: no box to start on; only sequences with annotation can be run"
         raise DatasetIncomplete(msg)
+    with prefetch(sequence.frames, ahead=ahead) as images:
+        return _track(tracker, sequence, images, on_frame, skip=on_bad_frame == "skip")
+
+
+def _track(
+    tracker: Tracker,
+    sequence: Sequence,
+    images: Prefetch,
+    on_frame: FrameCallback | None,
+    *,
+    skip: bool,
+) -> Track:
     boxes = np.empty((len(sequence), 4))
-    seconds = np.empty((len(sequence), len(STAGES)))
-    timed = tracker.enhancer if isinstance(tracker.enhancer, TimedEnhancer) else None
+    seconds = np.zeros((len(sequence), len(STAGES)))
+    skipped = []
+    shape: tuple[int, ...] = ()
     for index in range(len(sequence)):
         start = now()
-        image = sequence.image(index)
-        ready = now(tracker.device)
         try:
-            boxes[index] = (
-                tracker.update(image)[0] if index else tracker.init(image, sequence.boxes[0])
-            )
-        except NatBenchError as error:
-            msg = f"frame {index + 1} of {len(sequence)}: {error}"
-            raise type(error)(msg) from error
-        except Exception as error:  # a plugin may fail in any way; the frame helps to find it
-            msg = f"frame {index + 1} of {len(sequence)}: {type(error).__name__}: {error}"
-            raise NatBenchError(msg) from error
-        done = now(tracker.device)
-        enhance = timed.take() if timed else 0.0
-        seconds[index] = ready - start, enhance, done - ready - enhance
+            image = images.take()
+        except FrameUnreadable:
+            if not (skip and index):
+                raise
+            boxes[index] = boxes[index - 1]
+            seconds[index, 0] = now() - start
+            skipped.append(index)
+        else:
+            shape = shape or image.shape
+            where = f"frame {index + 1} of {len(sequence)}"
+            first_box = None if index else sequence.boxes[0]
+            try:
+                boxes[index], seconds[index] = _step(tracker, image, first_box, start)
+            except NatBenchError as error:
+                msg = f"{where}: {error}{_other_size(image, shape)}"
+                raise type(error)(msg) from error
+            except Exception as error:  # a plugin may fail in any way; the frame helps to find it
+                msg = f"{where}: {type(error).__name__}: {error}{_other_size(image, shape)}"
+                raise NatBenchError(msg) from error
         if on_frame:
             on_frame()
-    return Track(boxes, seconds)
+    return Track(boxes, seconds, tuple(skipped))
+
+
+def _step(
+    tracker: Tracker, image: Image, first_box: Box | None, start: float
+) -> tuple[Box, Floats]:
+    """One frame: its box, and the seconds of each stage since `start`."""
+    timed = tracker.enhancer if isinstance(tracker.enhancer, TimedEnhancer) else None
+    ready = now(tracker.device)
+    box = tracker.update(image)[0] if first_box is None else tracker.init(image, first_box)
+    done = now(tracker.device)
+    enhance = timed.take() if timed else 0.0
+    return box, np.array([ready - start, enhance, done - ready - enhance])
+
+
+def _other_size(image: Image, first: tuple[int, ...]) -> str:
+    """What many trackers fail on: a frame of another size than the first."""
+    if image.shape == first:
+        return ""
+    return (
+        f" (this frame is {image.shape[1]}x{image.shape[0]}, the first one {first[1]}x{first[0]})"
+    )

@@ -9,7 +9,14 @@ from nat2024.engine.timing import TimedEnhancer
 from nat2024.errors import UsageError
 from nat2024.interfaces import Enhancer, Scope, Tracker
 from nat2024.registry import create_enhancer, create_tracker, load_plugin, resolve_options
-from nat2024.store import DatasetRecord, Manifest, PluginRecord, WeightsRecord, run_name
+from nat2024.store import (
+    DatasetRecord,
+    Manifest,
+    OnBadFrame,
+    PluginRecord,
+    WeightsRecord,
+    run_name,
+)
 from nat2024.types import closest
 from nat2024.zoo import Weights
 
@@ -138,6 +145,7 @@ def describe(
     enhancer: Enhancer | None,
     dataset: DatasetRecord,
     threads: int,
+    on_bad_frame: OnBadFrame = "error",
 ) -> Manifest:
     """The manifest of a created combination."""
     record = None
@@ -150,6 +158,7 @@ def describe(
         scope=tracker.scope,
         device=combination.device.partition(":")[0],
         threads=threads,
+        on_bad_frame=on_bad_frame,
         repeatable=tracker.card.repeatable and (record is None or record.repeatable),
     )
 

@@ -10,12 +10,13 @@ from functools import partial
 from typing import Any, TypeAlias
 
 from nat2024 import types
+from nat2024.datasets.prefetch import AHEAD
 from nat2024.engine.one_pass import FrameCallback, track_sequence
 from nat2024.engine.plan import Combination
 from nat2024.errors import NatBenchError
 from nat2024.interfaces import Tracker
 from nat2024.registry import load_plugin_file
-from nat2024.store import RunFolder
+from nat2024.store import OnBadFrame, RunFolder
 
 Progress: TypeAlias = Callable[[int, str], Any]
 """Called with the frames done since the last call, and what they belong to."""
@@ -23,11 +24,13 @@ Progress: TypeAlias = Callable[[int, str], Any]
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """One sequence of one combination, and the run folder that its result goes to."""
+    """One sequence of one combination, how it is read, and where its result goes."""
 
     combination: Combination
     sequence: types.Sequence
     folder: str
+    on_bad_frame: OnBadFrame = "error"
+    ahead: int = AHEAD
 
     @property
     def title(self) -> str:
@@ -63,7 +66,13 @@ class Trackers:
 def run_job(job: Job, trackers: Trackers, on_frame: FrameCallback | None = None) -> Outcome:
     """Track one sequence and store its result; a failure is told, never raised."""
     try:
-        track = track_sequence(trackers.get(job.combination), job.sequence, on_frame)
+        track = track_sequence(
+            trackers.get(job.combination),
+            job.sequence,
+            on_frame,
+            on_bad_frame=job.on_bad_frame,
+            ahead=job.ahead,
+        )
         RunFolder(job.folder).write(job.sequence.name, track)
     except (NatBenchError, OSError) as error:
         return Outcome(job, str(error))

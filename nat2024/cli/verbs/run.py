@@ -56,6 +56,20 @@ SAMPLE = "night_mini"
 )
 @click.option("--workers", type=int, default=1, show_default=True, help="Processes.")
 @click.option("--threads", type=int, default=1, show_default=True, help="Threads of each worker.")
+@click.option(
+    "--on-bad-frame",
+    type=click.Choice(["error", "skip"]),
+    default="error",
+    show_default=True,
+    help="A frame that cannot be read: fail its sequence, or repeat the last box and note it.",
+)
+@click.option(
+    "--read-ahead",
+    type=click.IntRange(0),
+    default=4,
+    show_default=True,
+    help="Frames decoded ahead.",
+)
 @click.option("--sequences", metavar="A,B", help="Only these sequences.")
 @shared.lenient_option
 @shared.plugin_option
@@ -73,6 +87,8 @@ def command(
     device: str,
     workers: int,
     threads: int,
+    on_bad_frame: Any,
+    read_ahead: int,
     sequences: str | None,
     lenient: bool,
     plugins: tuple[str, ...],
@@ -108,6 +124,8 @@ def command(
             lenient=lenient,
             workers=workers,
             threads=threads,
+            on_bad_frame=on_bad_frame,
+            read_ahead=read_ahead,
             plugins=plugins,
             progress=progress,
         )
