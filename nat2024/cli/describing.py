@@ -12,6 +12,9 @@ if TYPE_CHECKING:
     from nat2024.analysis import AttributeRules
     from nat2024.types import Dataset
 
+EVERY = 10
+"""Pixels are looked at in every 10th frame, unless told otherwise."""
+
 rules_option = click.option(
     "--rules",
     default="uav123",
@@ -29,7 +32,7 @@ rule_options_option = click.option(
 every_option = click.option(
     "--every",
     type=click.IntRange(1),
-    default=10,
+    default=EVERY,
     show_default=True,
     metavar="N",
     help="Look at the pixels of every Nth frame.",

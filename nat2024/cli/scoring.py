@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from nat2024.cli.output import print_table, rows_of
-from nat2024.errors import DatasetNotFound
+from nat2024.errors import DatasetNotFound, NatBenchError
 
 log = logging.getLogger("nat2024")
 
@@ -24,14 +24,16 @@ def score(
     on_length: str | None = None,
     *,
     lenient: bool = False,
+    computed_attributes: bool = False,
 ) -> "list[Evaluation]":
     """Evaluate one dataset, or all that a results folder holds where none is named.
+
+    With `computed_attributes` sequences carry those too, beside published ones.
 
     Raises:
         DatasetNotFound: no results, or no way to tell where their dataset is.
     """
     from nat2024.datasets import load_dataset
-    from nat2024.evaluation import evaluate
     from nat2024.store import list_datasets, list_runs
 
     if not results.is_dir():
@@ -39,15 +41,51 @@ def score(
         raise DatasetNotFound(msg)
     if dataset is not None:
         loaded = load_dataset(dataset, root, unannotated=True, lenient=lenient)
-        return [evaluate(results, loaded, protocol=protocol, on_length=on_length)]
+        pairs = [(results, loaded)]
+        return _evaluate(pairs, protocol, on_length, computed_attributes)
     folders = [results] if list_runs(results) else list_datasets(results)
     if not folders:
         msg = f"{results}: holds no results; `nat-bench run --results {results}` writes some"
         raise DatasetNotFound(msg)
+    evaluations, problems = [], []
+    for folder in folders:
+        try:  # one dataset that has moved must not hide the scores of the others
+            pairs = [(folder, _dataset_of(folder, lenient))]
+            evaluations += _evaluate(pairs, protocol, on_length, computed_attributes)
+        except NatBenchError as error:
+            problems.append(error)
+    if not evaluations:
+        raise problems[0]
+    for problem in problems:
+        log.error("left out: %s", problem)
+    return evaluations
+
+
+def _evaluate(
+    pairs: "Iterable[tuple[Path, Dataset]]",
+    protocol: "str | Protocol",
+    on_length: str | None,
+    computed_attributes: bool,
+) -> "list[Evaluation]":
+    from nat2024.evaluation import evaluate
+
     return [
-        evaluate(folder, _dataset_of(folder, lenient), protocol=protocol, on_length=on_length)
-        for folder in folders
+        evaluate(
+            folder,
+            _with_attributes(dataset) if computed_attributes else dataset,
+            protocol=protocol,
+            on_length=on_length,
+        )
+        for folder, dataset in pairs
     ]
+
+
+def _with_attributes(dataset: "Dataset") -> "Dataset":
+    from nat2024.analysis import with_computed_attributes
+    from nat2024.cli.describing import EVERY, frame_bar
+
+    with frame_bar(dataset, EVERY) as step:
+        return with_computed_attributes(dataset, every=EVERY, on_frame=step)
 
 
 def _dataset_of(folder: Path, lenient: bool) -> "Dataset":

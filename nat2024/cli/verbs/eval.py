@@ -35,6 +35,11 @@ _SHOWN = {
     show_default=True,
     help="One row for each of these.",
 )
+@click.option(
+    "--computed-attributes",
+    is_flag=True,
+    help="Attributes computed from boxes and from every 10th frame, beside published ones.",
+)
 @shared.json_option
 @shared.messages
 def command(
@@ -46,6 +51,7 @@ def command(
     protocol_options: tuple[str, ...],
     on_length: str | None,
     by: str,
+    computed_attributes: bool,
     as_json: bool,
 ) -> None:
     """Score stored results.
@@ -53,7 +59,15 @@ def command(
     The dataset is the one that the results were made on, unless --dataset names another.
     """
     chosen = shared.choose_protocol(protocol, protocol_options)
-    evaluations = score(results, dataset, root, chosen, on_length, lenient=lenient)
+    evaluations = score(
+        results,
+        dataset,
+        root,
+        chosen,
+        on_length,
+        lenient=lenient,
+        computed_attributes=computed_attributes,
+    )
     print_notes(evaluations)
     if as_json:
         print_json(document(evaluations))

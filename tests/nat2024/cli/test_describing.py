@@ -101,3 +101,20 @@ def test_stats_without_pixels_and_figures(night_clip: Path, tmp_path: Path, cli:
     assert "light_spread" not in document["summary"]
     assert document["sequences"][0]["light_spread"] is None
     assert len(list(tmp_path.iterdir())) == 5
+
+
+def test_scores_by_computed_attributes(
+    night_clip: Path, tmp_path: Path, small_plugins: str, cli: Any
+) -> None:
+    words = ("--dataset", night_clip, "--results", tmp_path / "results", "--quiet")
+    assert cli("run", "--tracker", "still", *words)[0] == 0
+    words = ("eval", "--results", tmp_path / "results", "--by", "attribute")
+    assert "computed" not in cli(*words)[1]
+    status, out, _ = cli(*words, "--computed-attributes")
+    assert status == 0
+    assert "area<400" in out
+    assert " computed " in out
+    rows = json.loads(cli(*words, "--computed-attributes", "--json")[1])["per_attribute"]
+    assert {row["provenance"] for row in rows} == {"computed"}
+    small = next(row for row in rows if row["attribute"] == "area<400")
+    assert small["sequences"] == 2
