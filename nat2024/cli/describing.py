@@ -2,6 +2,7 @@
 
 import contextlib
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
@@ -29,6 +30,11 @@ rule_options_option = click.option(
     metavar="KEY=VALUE",
     help="A threshold of the rules, such as low_area=1000; repeatable.",
 )
+columns_option = click.option(
+    "--columns",
+    metavar="NAMES",
+    help="Columns of the attribute files, such as SV,ARC,LR, or as in uav123, uavdt, dtb70, lasot.",
+)
 every_option = click.option(
     "--every",
     type=click.IntRange(1),
@@ -48,6 +54,19 @@ def choose_rules(name: str, texts: tuple[str, ...]) -> "AttributeRules":
     from nat2024.analysis import get_rules
 
     return get_rules(name, read_pairs(texts, "--rule-option"))
+
+
+def load(name_or_path: str, root: Path | None, columns: str | None, *, lenient: bool) -> "Dataset":
+    """Load a dataset, sequences without annotation included, with its published attributes.
+
+    Raises:
+        NatBenchError: as `load_dataset`, `attribute_columns` and `with_attribute_files`.
+    """
+    from nat2024.datasets import attribute_columns, load_dataset, with_attribute_files
+
+    names = attribute_columns(columns) if columns is not None else None
+    dataset = load_dataset(name_or_path, root, unannotated=True, lenient=lenient)
+    return dataset if names is None else with_attribute_files(dataset, names)
 
 
 @contextlib.contextmanager

@@ -7,6 +7,11 @@
 269
 """
 
+from nat2024.datasets.attribute_files import (
+    ATTRIBUTE_COLUMNS,
+    attribute_columns,
+    with_attribute_files,
+)
 from nat2024.datasets.frames import FolderFrames, StoredFrames, read_reduced
 from nat2024.datasets.information import DatasetInfo, SequenceInfo, describe, describe_sequence
 from nat2024.datasets.loading import Rule, load_dataset
@@ -35,6 +40,7 @@ from nat2024.datasets.video import VideoFrames
 from nat2024.datasets.writing import write_sequence
 
 __all__ = [
+    "ATTRIBUTE_COLUMNS",
     "Candidate",
     "Configuration",
     "ConfiguredRoot",
@@ -50,6 +56,7 @@ __all__ = [
     "StoredFrames",
     "ValidationReport",
     "VideoFrames",
+    "attribute_columns",
     "configuration_path",
     "configured_roots",
     "describe",
@@ -67,5 +74,6 @@ __all__ = [
     "registered_dataset",
     "root_variable",
     "validate",
+    "with_attribute_files",
     "write_sequence",
 ]

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -118,3 +119,24 @@ def test_scores_by_computed_attributes(
     assert {row["provenance"] for row in rows} == {"computed"}
     small = next(row for row in rows if row["attribute"] == "area<400")
     assert small["sequences"] == 2
+
+
+def test_published_and_computed_labels_stand_side_by_side(
+    night_clip: Path, tmp_path: Path, cli: Any
+) -> None:
+    folder = tmp_path / "copy"
+    shutil.copytree(night_clip, folder)
+    (folder / "att").mkdir()
+    for name in ("narrow", "tall", "wide"):
+        (folder / "att" / f"{name}.txt").write_text("1,0\n")
+    words = ("dataset", "attributes", folder, "--no-pixels", "--columns", "LR,OCC")
+    status, out, _ = cli(*words, "--out", tmp_path / "a.csv")
+    assert status == 0
+    assert "LR: computed as published in 2 of 3" in out
+    rows = list(csv.DictReader((tmp_path / "a.csv").open()))
+    wide = {row["provenance"]: row for row in rows if row["sequence"] == "wide"}
+    assert (wide["published"]["LR"], wide["computed"]["LR"]) == ("1", "0")
+    assert (wide["published"]["OCC"], wide["computed"]["OCC"]) == ("0", "")
+    status, _, err = cli("dataset", "stats", night_clip, "--out", tmp_path, "--columns", "LR,OCC")
+    assert status == 2
+    assert "no attribute file" in err

@@ -10,8 +10,10 @@ import click
 from nat2024.cli import options as shared
 from nat2024.cli.describing import (
     choose_rules,
+    columns_option,
     every_option,
     frame_bar,
+    load,
     rule_options_option,
     rules_option,
 )
@@ -34,6 +36,7 @@ _NUMBERS = {
 @click.argument("name_or_path")
 @shared.root_option
 @shared.lenient_option
+@columns_option
 @rules_option
 @rule_options_option
 @every_option
@@ -50,6 +53,7 @@ def command(
     name_or_path: str,
     root: Path | None,
     lenient: bool,
+    columns: str | None,
     rules: str,
     rule_options: tuple[str, ...],
     every: int,
@@ -64,7 +68,6 @@ def command(
     label is replaced. LAI, IV and UL (uneven light) look at pixels.
     """
     from nat2024.analysis import attribute_document, computed_attributes
-    from nat2024.datasets import load_dataset
     from nat2024.errors import UsageError
 
     if out is not None and out.suffix not in (".csv", ".json"):
@@ -74,7 +77,7 @@ def command(
         msg = "--per-frame needs --out FILE or --json"
         raise UsageError(msg)
     chosen = choose_rules(rules, rule_options)
-    dataset = load_dataset(name_or_path, root, unannotated=True, lenient=lenient)
+    dataset = load(name_or_path, root, columns, lenient=lenient)
     with frame_bar(dataset, 0 if no_pixels else every) as step:
         computed = {
             sequence.name: computed_attributes(

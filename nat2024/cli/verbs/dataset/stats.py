@@ -9,8 +9,10 @@ import click
 from nat2024.cli import options as shared
 from nat2024.cli.describing import (
     choose_rules,
+    columns_option,
     every_option,
     frame_bar,
+    load,
     rule_options_option,
     rules_option,
 )
@@ -37,6 +39,7 @@ _log = logging.getLogger("nat2024")
 )
 @shared.root_option
 @shared.lenient_option
+@columns_option
 @rules_option
 @rule_options_option
 @every_option
@@ -49,6 +52,7 @@ def command(
     out: Path,
     root: Path | None,
     lenient: bool,
+    columns: str | None,
     rules: str,
     rule_options: tuple[str, ...],
     every: int,
@@ -62,10 +66,9 @@ def command(
     and which of them go together, and first frames with the target's box in red.
     """
     from nat2024.analysis import dataset_statistics
-    from nat2024.datasets import load_dataset
 
     chosen = choose_rules(rules, rule_options)
-    dataset = load_dataset(name_or_path, root, unannotated=True, lenient=lenient)
+    dataset = load(name_or_path, root, columns, lenient=lenient)
     distance = 0 if no_pixels else every
     with frame_bar(dataset, distance) as step:
         found = dataset_statistics(dataset, rules=chosen, every=distance, on_frame=step)
