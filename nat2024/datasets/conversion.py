@@ -4,8 +4,8 @@ import errno
 import os
 import shutil
 from collections.abc import Iterable, Iterator
-from pathlib import Path
-from typing import Literal, TypeAlias, get_args
+from pathlib import Path, PurePosixPath
+from typing import Literal
 
 import msgspec
 
@@ -19,13 +19,12 @@ from nat2024.datasets.schema_checks import is_inner_path
 from nat2024.errors import AnnotationInvalid, FrameUnreadable, UsageError
 from nat2024.files import write_atomic
 
-FrameMode: TypeAlias = Literal["copy", "link", "none"]
-"""What becomes of the frames; see `convert`."""
-
 FORMATS = tuple(CONVERTERS)
 """Formats that `convert` writes."""
 
-FRAME_MODES: tuple[str, ...] = get_args(FrameMode)
+FRAME_MODES = ("copy", "link", "none")
+"""What can become of the frames; see `convert`."""
+
 _WITH_VIDEO = ("index", "published")
 _NO_LINK = (errno.EXDEV, errno.EPERM, errno.EMLINK, errno.ENOTSUP, errno.ENOTDIR)
 
@@ -65,7 +64,7 @@ def convert(
     *,
     root: str | os.PathLike[str] | None = None,
     source_format: str | None = None,
-    frames: FrameMode = "copy",
+    frames: str = "copy",
 ) -> Conversion:
     """Write a dataset in another format into a new folder.
 
@@ -91,7 +90,7 @@ def convert(
     if frames not in FRAME_MODES:
         msg = f"frames {frames!r} is none of {', '.join(FRAME_MODES)}"
         raise UsageError(msg)
-    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+    if os.path.lexists(out) and (not out.is_dir() or any(out.iterdir())):
         msg = f"{out} is not an empty folder; choose another one"
         raise UsageError(msg)
     found = read_source(
@@ -102,6 +101,7 @@ def convert(
     files = list(iterate_once(_inner(converter.files(document))))
     paths = converter.frame_paths(document)
     moves = dict(_moves(found, paths, {path.lower() for path, _ in files}))
+    _refuse_folders([*moves, *(path for path, _ in files)])
     counts = {"copied": 0, "linked": 0}
     if frames != "none":
         for path, frame in moves.items():
@@ -155,6 +155,17 @@ def _moves(
                 msg = f"sequence {name}: two files would be called {path}; rename a sequence"
                 raise AnnotationInvalid(msg)
             yield path, frame
+
+
+def _refuse_folders(paths: list[str]) -> None:
+    """Raise where a file would be called as the folder of another."""
+    files = {path.lower() for path in paths}
+    nearest = {PurePosixPath(file).parent for file in files}
+    folders = {str(folder) for inner in nearest for folder in (inner, *inner.parents)}
+    clash = min(files & folders, default=None)
+    if clash is not None:
+        msg = f"{clash} would be both a file and a folder; rename a sequence"
+        raise AnnotationInvalid(msg)
 
 
 def _place(frame: Path, target: Path, *, link: bool) -> Literal["copied", "linked"]:
