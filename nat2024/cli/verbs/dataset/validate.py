@@ -26,7 +26,7 @@ def command(name_or_path: str, root: Path | None, every_frame: bool, as_json: bo
         print_json(report)
         return 0 if report.ok else 1
     click.echo(f"{report.name}: {report.sequences} sequences, {report.frames} frames")
-    against = report.checked_against or "itself alone: no published facts fit it"
+    against = report.checked_against or report.index or "itself alone: no published facts fit it"
     click.echo(f"checked against: {against}")
     for finding in report.problems:
         click.echo(f"problem: {finding.message}")
