@@ -18,6 +18,7 @@ def write_sequence(
     name: str,
     frames: Iterable[tuple[Image, Box]],
     extension: str = ".png",
+    quality: int = 95,
 ) -> Path:
     """Write `data_seq/NAME/00001.png`, ... and then `anno/NAME.txt` below `folder`.
 
@@ -26,6 +27,7 @@ def write_sequence(
         name: of the sequence.
         frames: uint8 (H, W, 3) BGR images with their boxes, float64 (4,) x, y, w, h.
         extension: `.png` and `.bmp` keep every pixel, `.jpg` does not.
+        quality: of JPEG, 1..100.
 
     Returns:
         The box file.
@@ -44,7 +46,7 @@ def write_sequence(
         raise UsageError(msg)
     boxes = []
     for number, (image, box) in enumerate(frames, 1):
-        write_atomic(images / f"{number:05d}{extension}", _encode(image, extension))
+        write_atomic(images / f"{number:05d}{extension}", encode_image(image, extension, quality))
         boxes.append(np.asarray(box, dtype=np.float64).reshape(4))
     if not boxes:
         msg = f"{folder}: sequence {name} has no frame to write"
@@ -53,7 +55,18 @@ def write_sequence(
     return boxes_file
 
 
-def _encode(image: Image, extension: str) -> bytes:
+def encode_image(image: Image, extension: str, quality: int = 95) -> bytes:
+    """The bytes of an image file.
+
+    Args:
+        image: uint8 (H, W, 3) BGR.
+        extension: such as `.png` or `.jpg`.
+        quality: of JPEG, 1..100.
+
+    Raises:
+        ArrayContract: the image is none.
+        UsageError: the extension is none of an image.
+    """
     import cv2
 
     if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3 or not image.size:
@@ -62,4 +75,4 @@ def _encode(image: Image, extension: str) -> bytes:
     if extension.lower() not in IMAGE_EXTENSIONS:
         msg = f"extension {extension!r} is none of {', '.join(sorted(IMAGE_EXTENSIONS))}"
         raise UsageError(msg)
-    return bytes(cv2.imencode(extension, image)[1])
+    return bytes(cv2.imencode(extension, image, [cv2.IMWRITE_JPEG_QUALITY, quality])[1])

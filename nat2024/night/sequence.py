@@ -107,8 +107,9 @@ class NightSequence:
         rng = np.random.default_rng([settings.seed, 2024])
         self.scene = _compose(rng, settings)
         sensor = draw_sensor(rng)
-        mean = settings.mean if settings.mean is not None else log_uniform(rng, *_MEAN)
-        self.sensor = expose(sensor, _samples(self.scene, settings.frames), mean)
+        chosen = log_uniform(rng, *_MEAN)
+        self.mean = chosen if settings.mean is None else settings.mean
+        self.sensor = expose(sensor, _samples(self.scene, settings.frames), self.mean)
         self._development = Development(self.sensor, settings.size, settings.seed)
 
     def __len__(self) -> int:
@@ -241,7 +242,7 @@ def _from_construction(truth: Truth) -> Iterator[str]:
 
 
 def _from_boxes(boxes: Boxes) -> Iterator[str]:
-    present: Flags = np.isfinite(boxes).all(axis=1)
+    present: Flags = np.asarray(np.isfinite(boxes).all(axis=1))
     area, shape = boxes[:, 2] * boxes[:, 3], boxes[:, 2] / boxes[:, 3]
     both = present[1:] & present[:-1]
     centres = boxes[:, :2] + boxes[:, 2:] / 2

@@ -12,7 +12,8 @@ _VERBS = {
     "index": "Write frames, checksums and annotation into one file.",
     "convert": "Write a dataset in another format, without losing a value.",
     "schema": "Print the JSON Schema of an index.",
-    "synthesize": "Render short plain night clips with exact boxes.",
+    "synthesize": "Render night sequences with exact boxes from nothing.",
+    "darken": "Make night out of a daytime dataset, its boxes kept.",
 }
 
 
