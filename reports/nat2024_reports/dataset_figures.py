@@ -51,12 +51,15 @@ def length_figure(lengths: "pd.Series[Any]") -> "Figure":
     Args:
         lengths: by name of the sequence.
     """
+    from matplotlib.ticker import MaxNLocator
+
     with figure_style():
         if len(lengths) > _NAMED_BARS:
             figure = new_figure(COLUMN, 2.4)
             axes = figure.add_subplot()
             _histogram(axes, _numbers(lengths), "Frames of a sequence", color=BLUE, percent=False)
             axes.set_ylabel("Sequences")
+            axes.yaxis.set_major_locator(MaxNLocator(6, integer=True))
             return figure
         figure = new_figure(COLUMN, max(1.2, 0.17 * len(lengths) + 0.6))
         axes = figure.add_subplot()
@@ -134,6 +137,7 @@ def light_figure(light: "pd.DataFrame", *, uneven_light: float) -> "Figure":
             _outline(spread, _numbers(values), edges, color, name)
         _mark(spread, uneven_light, "")
         spread.set_xlabel("Spread of light (stops)")
+        spread.margins(y=0.25)
         spread.legend(handlelength=1.2, borderaxespad=0.1)
         means = light.groupby("sequence")[["mean", "spread"]].mean()
         both.scatter(255 * means["mean"], means.spread, s=14, color=BLUE, alpha=0.7, linewidths=0)
@@ -248,7 +252,10 @@ def _outline(
 
 
 def _log_histogram(axes: "Axes", values: "pd.Series[Any]", label: str, color: str) -> None:
-    """Histogram over a logarithmic axis; the share of zeros is told in words."""
+    """Histogram over a logarithmic axis; the share of zeros is told in words.
+
+    The smallest 0.5 % join the first bar, so that a few of them do not stretch the axis.
+    """
     numbers = _numbers(values)
     numbers = numbers[np.isfinite(numbers)]
     positive = numbers[numbers > 0]
@@ -263,6 +270,7 @@ def _log_histogram(axes: "Axes", values: "pd.Series[Any]", label: str, color: st
     weights = np.full(len(positive), 100 / len(numbers))
     axes.hist(np.maximum(positive, low), bins=edges.tolist(), weights=weights, color=color)
     axes.set_xscale("log")
+    axes.margins(y=0.14)  # room for words above the bars
     _plain_ticks(axes, wide=high / low > 50)
     if still := len(numbers) - len(positive):
         text = f"{100 * still / len(numbers):.1f} % are 0"
@@ -302,5 +310,9 @@ def _mark(axes: "Axes", value: float, label: str) -> None:
 
 
 def _plain(name: str) -> str:
-    """A name in which matplotlib sees no formula."""
-    return name.replace("$", r"\$")
+    """A name in which matplotlib sees no formula, with `?` for what its font does not have."""
+    from matplotlib.font_manager import findfont, get_font
+
+    known = get_font(findfont("DejaVu Sans")).get_charmap()
+    shown = "".join(letter if ord(letter) in known else "?" for letter in name)
+    return shown.replace("$", r"\$")

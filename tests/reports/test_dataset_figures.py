@@ -51,6 +51,13 @@ def test_few_sequences_are_named_and_many_are_counted() -> None:
     assert sum(bar.get_height() for bar in many.patches) == pytest.approx(41)
 
 
+def test_letters_that_the_font_lacks_do_not_warn(tmp_path: Path) -> None:
+    figure = length_figure(pd.Series([3, 2], index=["nächtlich", "夜间car"]))
+    save_figure(figure, tmp_path, "lengths")
+    names = [text.get_text() for text in figure.axes[0].get_yticklabels()]
+    assert names == ["??car", "nächtlich"]
+
+
 def test_motion(boxes: Any) -> None:
     size, step, ratio = motion_figure(boxes, small_area=400, fast_step=20).axes
     assert [line.get_xdata()[0] for line in size.lines] == [20]

@@ -28,7 +28,7 @@ _NUMBERS = {
     "smallest_area": "Smallest area",
     "grey_around_target": "Grey around target",
     "light_spread": "Light spread",
-    "light_spread_around_target": "around target",
+    "light_spread_around_target": "Spread around target",
 }
 
 
