@@ -12,8 +12,11 @@ from nat2024.datasets.attribute_files import (
     attribute_columns,
     with_attribute_files,
 )
+from nat2024.datasets.conversion import FORMATS, Conversion, convert
 from nat2024.datasets.frames import FolderFrames, StoredFrames, read_reduced
+from nat2024.datasets.index import index_dataset, write_index
 from nat2024.datasets.information import DatasetInfo, SequenceInfo, describe, describe_sequence
+from nat2024.datasets.labels import read_label_table, with_labels
 from nat2024.datasets.loading import Rule, load_dataset
 from nat2024.datasets.prefetch import Prefetch, prefetch
 from nat2024.datasets.recognition import Candidate, Recognition, recognise
@@ -35,19 +38,35 @@ from nat2024.datasets.roots import (
     read_configuration,
     root_variable,
 )
+from nat2024.datasets.schema import (
+    AnnotatedDataset,
+    AnnotatedSequence,
+    AttributeTerm,
+    FrameFiles,
+    decode_dataset,
+    encode_dataset,
+    json_schema,
+    read_dataset,
+)
 from nat2024.datasets.validation import Finding, ValidationReport, validate
 from nat2024.datasets.video import VideoFrames
 from nat2024.datasets.writing import write_sequence
 
 __all__ = [
     "ATTRIBUTE_COLUMNS",
+    "FORMATS",
+    "AnnotatedDataset",
+    "AnnotatedSequence",
+    "AttributeTerm",
     "Candidate",
     "Configuration",
     "ConfiguredRoot",
+    "Conversion",
     "DatasetFacts",
     "DatasetInfo",
     "Finding",
     "FolderFrames",
+    "FrameFiles",
     "Prefetch",
     "Recognition",
     "Rule",
@@ -59,15 +78,22 @@ __all__ = [
     "attribute_columns",
     "configuration_path",
     "configured_roots",
+    "convert",
+    "decode_dataset",
     "describe",
     "describe_sequence",
+    "encode_dataset",
     "find_root",
     "how_to_get",
+    "index_dataset",
     "is_registered",
+    "json_schema",
     "list_datasets",
     "load_dataset",
     "prefetch",
     "read_configuration",
+    "read_dataset",
+    "read_label_table",
     "read_reduced",
     "recognise",
     "register_dataset",
@@ -75,5 +101,7 @@ __all__ = [
     "root_variable",
     "validate",
     "with_attribute_files",
+    "with_labels",
+    "write_index",
     "write_sequence",
 ]

@@ -5,7 +5,9 @@ written as the shortest text that reads back equal, NaN as `null`, infinite valu
 `"-inf"`. Fields that are left out have their default; unknown fields are refused.
 """
 
+import inspect
 import re
+import textwrap
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
@@ -22,7 +24,7 @@ Coordinate: TypeAlias = float | Literal["inf", "-inf"] | None
 Row: TypeAlias = tuple[Coordinate, Coordinate, Coordinate, Coordinate]
 Flag: TypeAlias = Literal[0, 1]
 
-_FIRST_PART = re.compile(r'"schema"\s*:\s*"([^"]*)"')
+_ENTRY = re.compile(r"^(\w+): (.+(?:\n {4}.+)*)", re.MULTILINE)
 
 
 class FrameFiles(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -167,8 +169,20 @@ class KeptDataset(AnnotatedDataset, frozen=True, forbid_unknown_fields=True, kw_
 def json_schema() -> dict[str, Any]:
     """The JSON Schema (draft 2020-12) of an index file."""
     schema = msgspec.json.schema(AnnotatedDataset)
-    title = "Night tracking dataset annotation, nat-bench/1"
+    for definition in schema["$defs"].values():
+        _describe(definition)
+    whole = schema["$defs"][AnnotatedDataset.__name__]
+    whole["required"] = ["schema", *whole["required"]]
+    title = f"Night tracking dataset annotation, {VERSION}"
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": title, **schema}
+
+
+def _describe(definition: dict[str, Any]) -> None:
+    """Move the words on each attribute from the docstring of a struct to its properties."""
+    summary, _, rest = inspect.cleandoc(definition["description"]).partition("Attributes:\n")
+    definition["description"] = " ".join(summary.split())
+    for name, words in _ENTRY.findall(textwrap.dedent(rest)):
+        definition["properties"][name]["description"] = " ".join(words.split())
 
 
 def decode_dataset(raw: bytes, where: str) -> AnnotatedDataset:
@@ -188,22 +202,22 @@ def decode_kept(raw: bytes, where: str) -> KeptDataset:
     return document
 
 
+class _Version(msgspec.Struct):
+    schema: str = ""
+
+
 def _decode(raw: bytes, where: str, kind: Any) -> Any:
     try:
-        return msgspec.json.decode(raw, type=kind)
+        version = msgspec.json.decode(raw, type=_Version).schema
+        if version == VERSION:
+            return msgspec.json.decode(raw, type=kind)
+        named = f"schema {version!r}" if version else "names no schema"
+        msg = f"{where}: {named}, but this version of nat-bench reads {VERSION!r}"
     except msgspec.ValidationError as error:
-        other = _other_version(raw)
-        found = f"schema {other!r}, but this version reads {VERSION!r}" if other else str(error)
-        msg = f"{where}: {found}"
+        msg = f"{where}: {error}"
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         msg = f"{where}: no valid JSON ({error})"
     raise AnnotationInvalid(msg)
-
-
-def _other_version(raw: bytes) -> str:
-    """The schema that a document names where it is not ours."""
-    match = _FIRST_PART.search(raw.decode("utf-8", "replace"))
-    return match[1] if match and match[1] != VERSION else ""
 
 
 def read_dataset(path: Path) -> AnnotatedDataset:

@@ -1,7 +1,6 @@
 """The annotation schema: exact numbers, one clear line for what does not fit."""
 
 import json
-import math
 
 import msgspec
 import numpy as np
@@ -134,7 +133,9 @@ def test_sequences_are_sorted():
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"schema": "nat-bench/2"}, "schema 'nat-bench/2', but this version reads 'nat-bench/1'"),
+        ({"schema": "nat-bench/2"}, "schema 'nat-bench/2', but this version of nat-bench reads"),
+        ({"schema": ""}, "names no schema"),
+        ({"schema": 1}, r"\$.schema"),
         ({"licens": "x"}, "unknown field `licens`"),
         ({"name": 3}, r"\$.name"),
         ({"sequences": [{"name": "a", "frames": {"folder": "", "cuont": 1}}]}, "cuont"),
@@ -161,5 +162,6 @@ def test_json_schema_names_every_field():
         found = schema["$defs"][struct.__name__]
         assert set(found["properties"]) == {f.name for f in msgspec.structs.fields(struct)}
         assert found["additionalProperties"] is False
+        assert all(part["description"] for part in found["properties"].values())
     assert schema["$defs"]["AnnotatedDataset"]["properties"]["schema"]["enum"] == ["nat-bench/1"]
-    assert not math.isnan(len(json.dumps(schema)))
+    json.dumps(schema, allow_nan=False)
