@@ -39,13 +39,15 @@ class BoxTrace:
     @property
     def relative_steps(self) -> Floats:
         """Steps over the size of the box, float64 (n,)."""
-        return self.steps / self.sizes
+        with _any_number():
+            relative: Floats = self.steps / self.sizes
+        return relative
 
     def changes(self, values: Floats) -> Floats:
         """`values` over the first valid one, as a factor of at least 1 either way."""
         if not self.valid.any():
             return np.full(len(values), np.nan)
-        with np.errstate(over="ignore", divide="ignore"):  # no box is that small by right
+        with _any_number():
             ratios = values / values[int(np.argmax(self.valid))]
             found: Floats = np.maximum(ratios, 1 / ratios)
         return found
@@ -59,7 +61,8 @@ def trace_boxes(sequence: Sequence) -> BoxTrace:
         annotated[:] = False
         annotated[sequence.keyframes] = True
     finite = np.asarray(np.isfinite(boxes).all(axis=1))
-    area = boxes[:, 2] * boxes[:, 3]
+    with _any_number():
+        area = boxes[:, 2] * boxes[:, 3]
     valid = finite & np.asarray((boxes[:, 2:] > 0).all(axis=1)) & (area > 0)
     kept: Boxes = np.where(valid[:, None], boxes, np.nan)
     width, height = kept[:, 2], kept[:, 3]
@@ -67,12 +70,11 @@ def trace_boxes(sequence: Sequence) -> BoxTrace:
     steps = np.full(len(boxes), np.nan)
     if sequence.keyframes is None:
         steps[1:] = np.hypot(*np.diff(centres, axis=0).T)
-    return BoxTrace(
-        annotated,
-        annotated & ~finite,
-        valid,
-        centres,
-        width * height,
-        width / height,
-        steps,
-    )
+    with _any_number():
+        aspects = width / height
+    return BoxTrace(annotated, annotated & ~finite, valid, centres, width * height, aspects, steps)
+
+
+def _any_number() -> np.errstate:
+    """Boxes of any size pass, however absurd; what is infinite then exceeds every threshold."""
+    return np.errstate(over="ignore", under="ignore", divide="ignore", invalid="ignore")

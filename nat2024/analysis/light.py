@@ -8,9 +8,11 @@ import numpy.typing as npt
 
 from nat2024.errors import UsageError
 from nat2024.measures import (
+    MEASURE_SIZE,
     grey,
     light_spread,
     local_grey,
+    resize_area,
     saturated_beside_dark,
     target_light_spread,
 )
@@ -68,10 +70,11 @@ def trace_light(
     for row, index in zip(rows, indices.tolist(), strict=True):
         image = sequence.image(index)
         box = sequence.boxes[index] if index < len(sequence.boxes) else absent
+        small = resize_area(image, MEASURE_SIZE)  # once for three measures
         row[:] = (
-            grey(image).mean(),
-            light_spread(image),
-            saturated_beside_dark(image),
+            grey(small).mean(),
+            light_spread(small),
+            saturated_beside_dark(small),
             local_grey(image, box),
             local_grey(image, box, context),
             target_light_spread(image, box),

@@ -89,7 +89,8 @@ def saturated_beside_dark(image: Image) -> float:
         ArrayContract: the image is none.
     """
     pixels = resize_area(check_image(image), MEASURE_SIZE)
-    peaks = blocks(pixels.max(axis=2), LIGHT_BLOCK).max(axis=(2, 3))
+    largest = np.maximum(np.maximum(pixels[..., 0], pixels[..., 1]), pixels[..., 2])
+    peaks = blocks(largest, LIGHT_BLOCK).max(axis=(2, 3))
     dark = blocks(grey(pixels), LIGHT_BLOCK).mean(axis=(2, 3)) < DARK_LEVEL
     padded = np.pad(dark, 1)
     rows, columns = dark.shape

@@ -36,8 +36,11 @@ def resize_area(image: Image, size: tuple[int, int]) -> Image:
 
 def grey(image: Image) -> Floats:
     """Mean of the three channels, float64 (H, W) in 0..1; the channel order does not matter."""
-    total: Floats = image.sum(axis=2, dtype=np.float64)
-    return total / (3 * 255.0)
+    total = image[..., 0].astype(np.float64)  # several times as fast as a sum over the last axis
+    total += image[..., 1]
+    total += image[..., 2]
+    total /= 3 * 255.0
+    return total
 
 
 def blocks(values: npt.NDArray[Any], side: int) -> npt.NDArray[Any]:

@@ -245,7 +245,7 @@ def test_published_attributes_stay_as_published(two: Dataset) -> None:
     assert found["car"].attributes == {"LR", "OCC", "area400-1000", "LAI"}
     assert found["car"].provenance == {"area400-1000": "computed", "LAI": "computed"}
     assert two["car"].attributes == {"LR", "OCC"}
-    assert found.fingerprint() == two.fingerprint()
+    assert found["fast"].boxes is two["fast"].boxes
 
 
 def test_agreement_with_published_labels(two: Dataset) -> None:
@@ -258,7 +258,7 @@ def test_agreement_with_published_labels(two: Dataset) -> None:
 
 
 @given(
-    arrays(float, (6, 4), elements=st.floats(-1e4, 1e4) | st.just(np.nan)),
+    arrays(float, (6, 4), elements=st.floats(-1e4, 1e4) | st.just(np.nan) | st.floats(0, 1e-300)),
     st.sampled_from(sorted(RULES)),
 )
 def test_any_boxes_have_attributes_and_a_sequence_has_what_a_frame_has(
