@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from nat2024.boxes import parse_rows
+from nat2024.boxes import parse_boxes, parse_rows
 from nat2024.datasets.archives import read_bytes
 from nat2024.errors import BoxFileError, DatasetIncomplete
 from nat2024.types import Boxes, Flags
@@ -48,6 +48,15 @@ def read_keyframes(path: Path, frames: int) -> tuple[Boxes, npt.NDArray[np.intp]
     boxes = np.full((frames, 4), np.nan)
     boxes[keyframes] = rows[order, 1:]
     return boxes, keyframes
+
+
+def read_box_file(path: Path) -> Boxes:
+    """Boxes as `nat2024.read_boxes`, of a file in a folder or an archive.
+
+    Raises:
+        BoxFileError: it cannot be read; names file and line.
+    """
+    return parse_boxes(read_side_file(path), str(path))
 
 
 def read_visible(folder: Path, files: tuple[str, ...], frames: int) -> Flags | None:

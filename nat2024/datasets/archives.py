@@ -98,6 +98,14 @@ def list_archived(path: Path) -> tuple[tuple[str, ...], tuple[str, ...]] | None:
     return open_archive(found[0]).folders.get(found[1]) if found else None
 
 
+def is_stored(path: Path) -> bool:
+    """Whether there is such a file, in a folder or in an archive."""
+    if path.is_file():
+        return True
+    listed = list_archived(path.parent)
+    return listed is not None and path.name in listed[1]
+
+
 def read_bytes(path: Path) -> bytes:
     """The bytes of a file, in a folder or in an archive.
 

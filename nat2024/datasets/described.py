@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from pathlib import Path
 
+from nat2024.datasets.archives import is_archive
 from nat2024.datasets.converters import CONVERTERS, Converter, Described, coco_video, pysot
 from nat2024.datasets.converters.common import EXTRA_FILE
 from nat2024.datasets.converters.index import FORMAT as INDEX
@@ -10,7 +11,7 @@ from nat2024.datasets.layouts import FoundSequence, Layout
 from nat2024.datasets.listings import Listing, path_kind
 from nat2024.datasets.schema import INDEX_FILE, AnnotatedSequence, read_bytes
 from nat2024.datasets.video import VideoFrames
-from nat2024.errors import AnnotationInvalid, DatasetIncomplete, UsageError
+from nat2024.errors import AnnotationInvalid, DatasetIncomplete, DatasetNotFound, UsageError
 from nat2024.types import closest
 
 _ANNOTATIONS = "annotations"
@@ -41,7 +42,7 @@ def find_described(folder: Path) -> Described | None:
     Raises:
         AnnotationInvalid: there is one, but it cannot be used.
     """
-    if path_kind(folder) != "folder":
+    if path_kind(folder) != "folder" and not is_archive(folder):
         return None
     for converter in CONVERTERS.values():
         path = converter.find(folder)
@@ -152,7 +153,7 @@ def check_described(found: FoundSequence, base: Path) -> None:
     if not folder.resolve().is_relative_to(base.resolve()):
         msg = f"{found.name}: {folder} leads out of {base}; put the frames themselves there"
         raise AnnotationInvalid(msg)
-    listing = Listing.of(folder) if folder.is_dir() or base.is_file() else None
+    listing = _listing(folder)
     names = {*listing.images, *listing.files} if listing else set()
     wanted = frame_names(found)
     missing = [name for name in wanted if name not in names]
@@ -166,6 +167,13 @@ def check_described(found: FoundSequence, base: Path) -> None:
                 f"{found.name}: {folder / name} is a link out of {base}; put the file itself there"
             )
             raise AnnotationInvalid(msg)
+
+
+def _listing(folder: Path) -> Listing | None:
+    try:
+        return Listing.of(folder)
+    except DatasetNotFound:
+        return None
 
 
 def frame_names(found: FoundSequence) -> tuple[str, ...]:

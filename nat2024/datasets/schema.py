@@ -13,6 +13,7 @@ from typing import Any, Literal, TypeAlias
 
 import msgspec
 
+from nat2024.datasets import archives
 from nat2024.datasets.schema_checks import check_dataset, file_names
 from nat2024.errors import AnnotationInvalid
 
@@ -231,9 +232,13 @@ def read_dataset(path: Path) -> AnnotatedDataset:
 
 
 def read_bytes(path: Path) -> bytes:
-    """The bytes of an annotation file; `AnnotationInvalid` where they cannot be read."""
+    """The bytes of an annotation file, in a folder or an archive.
+
+    Raises:
+        AnnotationInvalid: they cannot be read.
+    """
     try:
-        return path.read_bytes()
+        return archives.read_bytes(path)
     except OSError as error:
         msg = f"{path}: cannot be read ({error.strerror})"
         raise AnnotationInvalid(msg) from None

@@ -14,6 +14,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from nat2024.datasets.archives import is_stored
 from nat2024.datasets.converters.common import Described, below, kept, merge, numbered
 from nat2024.datasets.frames import FolderFrames
 from nat2024.datasets.records import all_boxes, frame_files, stored_frames
@@ -101,7 +102,7 @@ class CocoVideo(msgspec.Struct, frozen=True):
 def find(folder: Path) -> Path | None:
     """`annotations.json` in a folder, if it holds our side field."""
     path = folder / FILE
-    return path if path.is_file() and b'"nat_bench"' in read_bytes(path) else None
+    return path if is_stored(path) and b'"nat_bench"' in read_bytes(path) else None
 
 
 def recognise(raw: bytes) -> bool:

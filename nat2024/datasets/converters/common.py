@@ -7,6 +7,7 @@ from typing import Any, Protocol
 
 import msgspec
 
+from nat2024.datasets.archives import is_stored
 from nat2024.datasets.frames import StoredFrames
 from nat2024.datasets.records import replace_fields
 from nat2024.datasets.schema import (
@@ -100,7 +101,7 @@ def extra_file(document: AnnotatedDataset, name: str, native: Native) -> tuple[s
 def find_extra(folder: Path, name: str) -> Path | None:
     """The side file in `folder`, if it is one of the format `name`."""
     path = folder / EXTRA_FILE
-    return path if path.is_file() and _format_of(path) == name else None
+    return path if is_stored(path) and _format_of(path) == name else None
 
 
 class _Format(msgspec.Struct):

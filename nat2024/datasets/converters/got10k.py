@@ -12,8 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from nat2024.boxes import format_boxes, read_boxes
-from nat2024.datasets.annotations import read_labels
+from nat2024.boxes import format_boxes
+from nat2024.datasets.annotations import read_box_file, read_labels
+from nat2024.datasets.archives import is_stored
 from nat2024.datasets.converters.common import (
     Described,
     below,
@@ -26,7 +27,12 @@ from nat2024.datasets.converters.common import (
 )
 from nat2024.datasets.frames import FolderFrames
 from nat2024.datasets.records import all_boxes, rows_of
-from nat2024.datasets.schema import AnnotatedDataset, AnnotatedSequence, KeptSequence
+from nat2024.datasets.schema import (
+    AnnotatedDataset,
+    AnnotatedSequence,
+    KeptSequence,
+    read_bytes,
+)
 from nat2024.errors import AnnotationInvalid
 
 FORMAT = "got10k"
@@ -132,9 +138,9 @@ def _meta(sequence: AnnotatedSequence, size: tuple[int, int] | None, fps: float 
 def _read_native(folder: Path, sequence: KeptSequence) -> dict[str, Any]:
     found: dict[str, Any] = {}
     if "boxes" in sequence.native:
-        found["boxes"] = rows_of(read_boxes(folder / "groundtruth.txt"))
+        found["boxes"] = rows_of(read_box_file(folder / "groundtruth.txt"))
     wanted = {n for n in LABELS if n in sequence.native or "visible" in sequence.native}
-    present = [name for name in LABELS if name in wanted and (folder / LABELS[name]).is_file()]
+    present = [name for name in LABELS if name in wanted and is_stored(folder / LABELS[name])]
     labels = {n: read_labels(folder / LABELS[n], sequence.frames.count) for n in present}
     missing = [n for n in LABELS if n in sequence.native and n not in labels]
     if missing:
@@ -165,8 +171,8 @@ def read_meta(folder: Path, files: tuple[str, ...]) -> dict[str, Any]:
         return {}
     parser = configparser.ConfigParser(interpolation=None, strict=False)
     try:
-        parser.read(folder / META_FILE, encoding="utf-8-sig")
-    except (configparser.Error, OSError, UnicodeDecodeError) as error:
+        parser.read_string(read_bytes(folder / META_FILE).decode("utf-8-sig"))
+    except (configparser.Error, UnicodeDecodeError) as error:
         msg = f"{folder / META_FILE}: cannot be read ({str(error).splitlines()[0]})"
         raise AnnotationInvalid(msg) from None
     meta = dict(parser[_SECTION]) if parser.has_section(_SECTION) else {}

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from pathlib import Path
 
+from nat2024.datasets.archives import is_stored
 from nat2024.datasets.converters.common import Described, below
 from nat2024.datasets.records import stored_frames
 from nat2024.datasets.schema import INDEX_FILE, AnnotatedDataset, encode_dataset, read_dataset
@@ -13,7 +14,7 @@ FORMAT = "index"
 def find(folder: Path) -> Path | None:
     """The index file in a folder."""
     path = folder / INDEX_FILE
-    return path if path.is_file() else None
+    return path if is_stored(path) else None
 
 
 def read(path: Path, base: Path) -> Described:

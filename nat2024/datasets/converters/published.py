@@ -9,8 +9,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from nat2024.boxes import format_boxes, read_boxes
-from nat2024.datasets.annotations import read_keyframes
+from nat2024.boxes import format_boxes
+from nat2024.datasets.annotations import read_box_file, read_keyframes
 from nat2024.datasets.converters.common import (
     Described,
     below,
@@ -42,7 +42,7 @@ def read(path: Path, base: Path) -> Described:
         if "keyframes" in sequence.native:
             file = base / "anno_keyframes" / f"{sequence.name}.txt"
             return annotated_rows(*read_keyframes(file, sequence.frames.count))
-        return annotated_rows(read_boxes(base / "anno" / f"{sequence.name}.txt"), None)
+        return annotated_rows(read_box_file(base / "anno" / f"{sequence.name}.txt"), None)
 
     document = merge(found, str(base), native)
     frames = {s.name: _stored(base / "data_seq", s) for s in document.sequences}

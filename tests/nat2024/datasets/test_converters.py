@@ -117,7 +117,7 @@ def write(document: AnnotatedDataset, name: str, folder: Path) -> None:
 
 @pytest.mark.parametrize("name", FORMATS)
 @given(document=datasets())
-@settings(max_examples=120, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 def test_what_is_written_is_read_back(name: str, document: AnnotatedDataset) -> None:
     converter = CONVERTERS[name]
     with tempfile.TemporaryDirectory() as folder:
@@ -135,7 +135,7 @@ def test_what_is_written_is_read_back(name: str, document: AnnotatedDataset) -> 
 
 
 @given(document=datasets(), order=st.permutations(FORMATS))
-@settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 def test_through_all_formats_and_back(document: AnnotatedDataset, order: list[str]) -> None:
     with tempfile.TemporaryDirectory() as folder:
         here = Path(folder) / "start"

@@ -18,6 +18,11 @@ from nat2024.errors import (
 )
 
 
+def truth(dataset):
+    """Lengths and boxes to the last bit, by name."""
+    return {s.name: (len(s), s.boxes.tobytes()) for s in dataset}
+
+
 @pytest.fixture
 def night(make, tmp_path):
     folder = make.apart(tmp_path / "night", {"car_1": 3, "bike_2": 2})
@@ -78,11 +83,11 @@ def test_loading_takes_the_index(indexed):
         file.unlink()
     dataset = load_dataset(indexed)
     assert dataset.name == "night"
-    assert dataset.fingerprint() == plain.fingerprint()
+    assert truth(dataset) == truth(plain)
     assert dataset["car_1"].image(2).shape == (12, 16, 3)
     assert dataset["car_1"].category == "car"
     by_file = load_dataset(indexed / "nat-bench.json")
-    assert (by_file.name, by_file.fingerprint()) == ("night", plain.fingerprint())
+    assert (by_file.name, truth(by_file)) == ("night", truth(plain))
     assert describe(indexed).layout == "index nat-bench.json (nat-bench/1)"
 
 
