@@ -18,6 +18,7 @@ from pathlib import Path
 
 import msgspec
 
+from nat2024.datasets.archives import is_archive
 from nat2024.datasets.listings import path_kind
 from nat2024.datasets.registered import (
     DatasetFacts,
@@ -147,7 +148,9 @@ def find_root(name: str, root: str | os.PathLike[str] | None = None) -> Path:
 
 
 def _own_folder(name: str, facts: DatasetFacts, place: ConfiguredRoot) -> Path:
-    """A folder that a user named for this dataset: it, or the dataset's folder inside it."""
+    """What a user named for this dataset: a folder, one that holds it, or a .zip archive of it."""
+    if is_archive(place.path):
+        return place.path
     kind = path_kind(place.path)
     if kind != "folder":
         what = "is a file" if kind == "file" else "is absent"

@@ -171,19 +171,28 @@ class _Reader:
         return image
 
     def _seek(self, number: int) -> Image | None:
-        """Jump, find out by its time which frame it was, and go on to the one that is wanted."""
-        import cv2
+        """Jump, and go on to the frame that is wanted; None where that does not lead to it.
 
-        if not self._is_seekable:
-            return None
-        self._capture.set(cv2.CAP_PROP_POS_FRAMES, number)
-        if not self._capture.grab():
-            return None
-        landed = bisect.bisect_left(self._index.times, _time(self._capture) - _SAME_MS)
-        if landed > number or not self._is_at(landed):
+        FFmpeg finds frames by an even rate, so in a video of uneven times it may land after the one
+        that is wanted. It is then told to aim as much before it, and a little more.
+        """
+        landed = self._land(number) if self._is_seekable else None
+        if landed is not None and landed > number:
+            landed = self._land(max(0, 2 * number - landed - _NEAR))
+        if landed is None or landed > number:
             return None
         self._next = landed + 1
         return self._retrieve(number) if landed == number else self._forward(number)
+
+    def _land(self, aim: int) -> int | None:
+        """The number of the frame, told by its time, that is grabbed after a jump."""
+        import cv2
+
+        self._capture.set(cv2.CAP_PROP_POS_FRAMES, aim)
+        if not self._capture.grab():
+            return None
+        landed = bisect.bisect_left(self._index.times, _time(self._capture) - _SAME_MS)
+        return landed if self._is_at(landed) else None
 
     def _forward(self, number: int) -> Image | None:
         while self._next <= number:
@@ -216,6 +225,8 @@ def _decode_all(path: Path) -> VideoIndex:
 
     capture = _open(path)
     times, checksums, sizes = [], [], set()
+    code = round(capture.get(cv2.CAP_PROP_FOURCC)).to_bytes(8, "little", signed=True)
+    codec = code[:4].decode("ascii", "replace")
     stated = max(0, round(capture.get(cv2.CAP_PROP_FRAME_COUNT)))
     try:
         while capture.grab():
@@ -228,7 +239,10 @@ def _decode_all(path: Path) -> VideoIndex:
     finally:
         capture.release()
     if not times:
-        msg = f"{path}: not one frame of this video can be decoded; get this file again"
+        msg = (
+            f"{path}: not one frame can be decoded; it is damaged, or OpenCV lacks its codec "
+            f"({codec}): write it anew as H.264"
+        )
         raise FrameUnreadable(msg)
     if len(sizes) > 1:
         msg = f"{path}: the frame size changes within the video; write it anew in one size"

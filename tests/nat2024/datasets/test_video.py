@@ -227,6 +227,19 @@ def test_what_is_no_video_is_one_line(tmp_path: Path, content: bytes, message: s
     assert message in problem.message
 
 
+def test_a_video_that_opencv_has_no_codec_for(
+    videos: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Blind(cv2.VideoCapture):
+        def grab(self) -> bool:
+            return False
+
+    monkeypatch.setattr(cv2, "VideoCapture", Blind)
+    message = r"a\.mp4: not one frame .* lacks its codec \(FMP4\): write it anew as H\.264"
+    with pytest.raises(FrameUnreadable, match=message):
+        len(VideoFrames(videos / "a.mp4"))
+
+
 def test_a_video_that_is_absent(tmp_path: Path) -> None:
     with pytest.raises(FrameUnreadable, match=r"gone\.mp4: cannot be read \(No such file"):
         VideoFrames(tmp_path / "gone.mp4").frame_size  # noqa: B018
