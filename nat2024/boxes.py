@@ -179,7 +179,7 @@ def _parse_lines(text: str, source: str, lengths: tuple[int, ...]) -> Floats:
                 f"but the first row has {len(rows[0])}"
             )
             raise BoxFileError(msg)
-    return np.array(rows, dtype=np.float64).reshape(len(rows), len(rows[0]) if rows else 4)
+    return np.array(rows, dtype=np.float64).reshape(len(rows), len(rows[0]) if rows else lengths[0])
 
 
 def _parse_line(line: str, where: str, lengths: tuple[int, ...]) -> list[float]:
@@ -218,9 +218,13 @@ def _corners_to_boxes(corners: Floats) -> Boxes:
 
 def format_boxes(boxes: Boxes) -> str:
     """Text of boxes, one `x,y,w,h` a line: the shortest that reads back to the same float64."""
-    boxes = np.asarray(boxes, dtype=np.float64)
-    if boxes.ndim != 2 or boxes.shape[1] != 4:
-        msg = f"boxes must have the shape (n, 4), not {boxes.shape}"
+    try:
+        boxes = np.asarray(boxes, dtype=np.float64)
+    except (TypeError, ValueError):
+        msg = "boxes must be numbers of the shape (n, 4)"
+        raise ArrayContract(msg) from None
+    if boxes.ndim != 2 or boxes.shape[1] != 4 or not len(boxes):
+        msg = f"boxes must have the shape (n, 4) with n of at least 1, not {boxes.shape}"
         raise ArrayContract(msg)
     return "".join(",".join(map(_shortest, row)) + "\n" for row in boxes.tolist())
 

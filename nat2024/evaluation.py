@@ -1,10 +1,11 @@
 """Scoring stored results against a dataset: files in, tables out, nothing recomputed on the way."""
 
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from nat2024.datasets import load_again
 from nat2024.errors import DatasetNotFound, LengthMismatch
 from nat2024.metrics import (
     NORMALIZED_PRECISION_THRESHOLDS,
@@ -19,7 +20,7 @@ from nat2024.metrics import (
     summarize,
 )
 from nat2024.store import RunFolder, dataset_folder, list_runs, split_run_name
-from nat2024.types import Boxes, Dataset, Flags, Sequence
+from nat2024.types import Boxes, Dataset, Flags, Origin, Sequence
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -49,6 +50,7 @@ class RunScores:
         scope: what was enhanced, empty where no manifest tells.
         sequences: scores by sequence.
         missing: names of sequences without a result.
+        altered: names of sequences whose length or first box is not what was tracked.
         strict_success: success AUC under the protocol `strict`, NaN where it was not asked.
     """
 
@@ -58,6 +60,7 @@ class RunScores:
     scope: str
     sequences: dict[str, SequenceScores]
     missing: tuple[str, ...]
+    altered: tuple[str, ...]
     strict_success: float
 
 
@@ -146,6 +149,7 @@ class Evaluation:
             "bad_result_rows": {run: names for run, names in bad.items() if names},
             "unequal_lengths": {run: names for run, names in unequal.items() if names},
             "missing_sequences": {run.run: list(run.missing) for run in self.runs if run.missing},
+            "altered_sequences": {run.run: list(run.altered) for run in self.runs if run.altered},
             "strict_success_auc": strict,
         }
         return {key: value for key, value in found.items() if value}
@@ -162,14 +166,11 @@ class Evaluation:
             lines.append(f"{run}: result and ground truth differ in length in {_names(names)}")
         for run, names in notes.get("missing_sequences", {}).items():
             lines.append(f"{run}: no result of {len(names)} sequences, {_names(names)}")
+        for run, names in notes.get("altered_sequences", {}).items():
+            lines.append(f"{run}: made on another length or first box in {_names(names)}")
         for run, success in notes.get("strict_success_auc", {}).items():
             lines.append(f"{run}: success under the protocol strict is {success:.3f}")
         return lines
-
-    def only(self, runs: Iterable[str]) -> "Evaluation":
-        """The same evaluation with these runs alone."""
-        wanted = set(runs)
-        return replace(self, runs=tuple(run for run in self.runs if run.run in wanted))
 
     def _differs(self, run: RunScores) -> bool:
         ours = self._summarize(run.sequences.values()).success_auc
@@ -216,8 +217,9 @@ def evaluate(
     *,
     protocol: str | Protocol = "pysot",
     on_length: str | None = None,
+    runs: Collection[str] | None = None,
 ) -> Evaluation:
-    """Score every run of a dataset.
+    """Score every run of a dataset, or those named.
 
     Args:
         results: the folder that `nat-bench run` wrote, or a folder of run folders.
@@ -226,6 +228,7 @@ def evaluate(
         protocol: a name, or a `Protocol` with options.
         on_length: what to do where a result and its truth differ in length: None as the protocol
             says, "error", "pad" (missing rows fail) or "cut".
+        runs: names of run folders; the others are not even read.
 
     Raises:
         DatasetNotFound: there are no results of this dataset.
@@ -234,16 +237,41 @@ def evaluate(
     """
     chosen = get_protocol(protocol)
     folder = dataset_folder(results, dataset.name)
-    scored = [_score_run(run, dataset, chosen, on_length) for run in list_runs(folder)]
-    runs = tuple(run for run in scored if run.sequences)
-    if not runs:
+    scored = tuple(
+        scores
+        for run in list_runs(folder)
+        if (runs is None or run.name in runs)
+        and (scores := _score_run(run, dataset, chosen, on_length)).sequences
+    )
+    if not scored:
         msg = f"{folder}: no result of any sequence of {dataset.name}"
         raise DatasetNotFound(msg)
     names = dataset.attribute_names or sorted({a for s in dataset for a in s.attributes})
     carriers = {a: tuple(s.name for s in dataset if a in s.attributes) for a in names}
     attributes = {attribute: found for attribute, found in carriers.items() if found}
     provenance = {s.name: s.provenance for s in dataset if s.provenance}
-    return Evaluation(dataset.name, chosen, runs, attributes, provenance)
+    return Evaluation(dataset.name, chosen, scored, attributes, provenance)
+
+
+def dataset_of_runs(folder: str | Path, *, lenient: bool = False) -> Dataset:
+    """Load the dataset that the manifests of a folder of runs name.
+
+    Raises:
+        DatasetNotFound: no manifest tells, or it is no longer there.
+    """
+    manifests = [manifest for run in list_runs(folder) if (manifest := run.manifest())]
+    records = [manifest.dataset for manifest in manifests if manifest.dataset.source]
+    if not records:
+        msg = f"{folder}: no manifest tells which dataset this is; name it with --dataset"
+        raise DatasetNotFound(msg)
+    record = records[0]
+    try:
+        return load_again(
+            Origin(record.source, record.root, lenient or record.lenient, record.rule)
+        )
+    except DatasetNotFound as error:
+        msg = f"{error}; {folder} was made from it, name it with --dataset if it has moved"
+        raise DatasetNotFound(msg) from None
 
 
 def _score_run(
@@ -264,6 +292,8 @@ def _score_run(
         if protocol.name == _COMPARED_WITH_STRICT:
             strict.append(pair.score(get_protocol("strict"), on_length))
     missing = [s.name for s in dataset if s.is_annotated and s.name not in finished]
+    starts = manifest.starts if manifest else {}
+    altered = [n for n in scores if n in starts and starts[n] != dataset[n].start_digest()]
     return RunScores(
         run=run.name,
         tracker=tracker,
@@ -271,6 +301,7 @@ def _score_run(
         scope=manifest.scope if manifest else "",
         sequences=scores,
         missing=tuple(missing),
+        altered=tuple(altered),
         strict_success=summarize(strict, "strict").success_auc,
     )
 

@@ -58,13 +58,13 @@ class PluginRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class DatasetRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Which dataset was run: its name, and how it was loaded."""
+    """Which dataset was run: its name, and how it was loaded (as in `types.Origin`)."""
 
     name: str
-    source: str
+    source: str = ""
     root: str = ""
     lenient: bool = False
-    fingerprint: str = ""
+    rule: str | None = None
 
 
 class Session(msgspec.Struct, forbid_unknown_fields=True):
@@ -104,6 +104,7 @@ class Manifest(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
         repeatable: whether the same run gives the same bytes again.
         sessions: every call that worked on it.
         failures: reason by sequence, for those that have no result.
+        starts: by sequence, what tells its length and first box (`Sequence.start_digest`).
         skipped_frames: by sequence, the 0-based numbers of the frames that could not be read.
         timing: over all finished sequences.
         format: version of this layout.
@@ -119,6 +120,7 @@ class Manifest(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
     repeatable: bool = True
     sessions: list[Session] = []
     failures: dict[str, str] = {}
+    starts: dict[str, str] = {}
     skipped_frames: dict[str, list[int]] = {}
     timing: StageTimes | None = None
     format: int = FORMAT
@@ -235,7 +237,10 @@ class RunFolder:
             return msgspec.json.decode(path.read_bytes(), type=Manifest)
         except FileNotFoundError:
             return None
-        except (OSError, msgspec.MsgspecError) as error:
+        except OSError as error:
+            msg = f"{path}: cannot be read ({error.strerror or error})"
+            raise ResultConflict(msg) from None
+        except msgspec.MsgspecError as error:
             msg = f"{path}: not a manifest of this version ({error}); move the folder away"
             raise ResultConflict(msg) from None
 
@@ -249,11 +254,15 @@ class RunFolder:
 
         Frames that were skipped cost no enhancing or tracking and do not count.
         """
-        timed = [s for s in self.finished() if self.time_file(s).is_file()]
-        if not timed:
-            return None
         skipped = self.skipped_frames()
-        tables = [np.delete(self.seconds(s), skipped.get(s, []), axis=0) for s in timed]
+        stored = {s: self.seconds(s) for s in self.finished() if self.time_file(s).is_file()}
+        tables = [
+            np.delete(table, skipped.get(s, []), axis=0)
+            for s, table in stored.items()
+            if len(table)
+        ]
+        if not tables:
+            return None
         steady = np.concatenate([table[1:] for table in tables])
         first = np.array([table[0].sum() for table in tables])
         read, enhance, track = steady.mean(axis=0).tolist() if len(steady) else (0.0, 0.0, 0.0)
@@ -336,18 +345,27 @@ def dataset_folder(results: str | Path, dataset: str) -> Path:
     Raises:
         DatasetNotFound: neither is there; names what is.
     """
-    results = Path(results)
-    if not results.is_dir():
-        msg = f"{results}: no such results folder; `nat-bench run` makes one"
-        raise DatasetNotFound(msg)
+    results = check_results(results)
     nested = results / dataset
-    if nested.is_dir():
+    if nested.is_dir() and list_runs(nested):
         return nested
     if list_runs(results):
         return results
     there = ", ".join(folder.name for folder in list_datasets(results)) or "nothing"
     msg = f"{results}: no results of {dataset}; it holds {there}"
     raise DatasetNotFound(msg)
+
+
+def check_results(results: str | Path) -> Path:
+    """The results folder, if it is one; else `DatasetNotFound`."""
+    results = Path(results)
+    if (results / "run.json").is_file():
+        msg = f"{results}: this is one run; name the folder of its dataset, {results.parent}"
+        raise DatasetNotFound(msg)
+    if not results.is_dir():
+        msg = f"{results}: no such results folder; `nat-bench run` makes one"
+        raise DatasetNotFound(msg)
+    return results
 
 
 def list_datasets(results: str | Path) -> list[Path]:

@@ -11,7 +11,7 @@ Conventions, everywhere:
 import difflib
 import hashlib
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Protocol, TypeAlias
 
@@ -92,10 +92,32 @@ class Sequence:
         """(width, height) in pixels."""
         return self.frames.frame_size
 
+    def start_digest(self) -> str:
+        """Tells what a tracker is given: equal for equal length and first box."""
+        first = np.ascontiguousarray(self.boxes[:1]).tobytes()
+        return hashlib.sha256(f"{len(self)}\0".encode() + first).hexdigest()[:16]
+
     @property
     def is_annotated(self) -> bool:
         """Whether every frame has a row of ground truth."""
         return len(self.boxes) > 0 and self.keyframes is None
+
+
+@dataclass(frozen=True, slots=True)
+class Origin:
+    """How a dataset was loaded, so that it can be loaded again from anywhere.
+
+    Attributes:
+        source: registered name, or absolute path.
+        root: absolute path of the root that was given, else empty.
+        lenient: whether boxes and frames of unequal number were cut.
+        rule: which sequences belong to it, as given.
+    """
+
+    source: str
+    root: str = ""
+    lenient: bool = False
+    rule: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,6 +131,7 @@ class Dataset:
         layout: the recognised folder layout in words.
         unannotated: names left out because not every frame has a box.
         attribute_names: abbreviations in published order.
+        origin: how it was loaded, None where it was put together in code.
     """
 
     name: str
@@ -117,6 +140,7 @@ class Dataset:
     layout: str = ""
     unannotated: tuple[str, ...] = ()
     attribute_names: tuple[str, ...] = ()
+    origin: Origin | None = None
     _by_name: dict[str, Sequence] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -146,18 +170,7 @@ class Dataset:
     def select(self, names: Iterable[str]) -> "Dataset":
         """The same dataset with only these sequences, in dataset order."""
         wanted = {self[name].name for name in names}
-        kept = tuple(s for s in self.sequences if s.name in wanted)
-        return Dataset(
-            self.name, kept, self.root, self.layout, self.unannotated, self.attribute_names
-        )
-
-    def fingerprint(self) -> str:
-        """sha256 over names, lengths and boxes: equal for equal ground truth."""
-        digest = hashlib.sha256()
-        for sequence in self.sequences:
-            digest.update(f"{sequence.name}\0{len(sequence)}\0".encode())
-            digest.update(np.ascontiguousarray(sequence.boxes).tobytes())
-        return digest.hexdigest()
+        return replace(self, sequences=tuple(s for s in self.sequences if s.name in wanted))
 
 
 def closest(name: str, known: Iterable[str], count: int = 3) -> str:

@@ -34,11 +34,10 @@ def score(
         DatasetNotFound: no results, or no way to tell where their dataset is.
     """
     from nat2024.datasets import load_dataset
-    from nat2024.store import list_datasets, list_runs
+    from nat2024.evaluation import dataset_of_runs
+    from nat2024.store import check_results, list_datasets, list_runs
 
-    if not results.is_dir():
-        msg = f"{results}: no such results folder; `nat-bench run` makes one"
-        raise DatasetNotFound(msg)
+    check_results(results)
     if dataset is not None:
         loaded = load_dataset(dataset, root, unannotated=True, lenient=lenient)
         pairs = [(results, loaded)]
@@ -50,7 +49,7 @@ def score(
     evaluations, problems = [], []
     for folder in folders:
         try:  # one dataset that has moved must not hide the scores of the others
-            pairs = [(folder, _dataset_of(folder, lenient))]
+            pairs = [(folder, dataset_of_runs(folder, lenient=lenient))]
             evaluations += _evaluate(pairs, protocol, on_length, computed_attributes)
         except NatBenchError as error:
             problems.append(error)
@@ -86,28 +85,6 @@ def _with_attributes(dataset: "Dataset") -> "Dataset":
 
     with frame_bar(dataset, EVERY) as step:
         return with_computed_attributes(dataset, every=EVERY, on_frame=step)
-
-
-def _dataset_of(folder: Path, lenient: bool) -> "Dataset":
-    """The dataset that the manifests of a folder of runs name."""
-    from nat2024.datasets import load_dataset
-    from nat2024.store import list_runs
-
-    manifests = [manifest for run in list_runs(folder) if (manifest := run.manifest())]
-    if not manifests:
-        msg = f"{folder}: no manifest tells which dataset this is; name it with --dataset"
-        raise DatasetNotFound(msg)
-    record = manifests[0].dataset
-    try:
-        return load_dataset(
-            record.source,
-            record.root or None,
-            unannotated=True,
-            lenient=lenient or record.lenient,
-        )
-    except DatasetNotFound as error:
-        msg = f"{error}; {folder} was made from it, name it with --dataset if it has moved"
-        raise DatasetNotFound(msg) from None
 
 
 def print_notes(evaluations: "Iterable[Evaluation]") -> None:

@@ -17,7 +17,7 @@ from nat2024.datasets.frames import FolderFrames, StoredFrames, read_reduced
 from nat2024.datasets.index import index_dataset, write_index
 from nat2024.datasets.information import DatasetInfo, SequenceInfo, describe, describe_sequence
 from nat2024.datasets.labels import read_label_table, with_labels
-from nat2024.datasets.loading import Rule, load_dataset
+from nat2024.datasets.loading import Rule, load_again, load_dataset
 from nat2024.datasets.prefetch import Prefetch, prefetch
 from nat2024.datasets.recognition import Candidate, Recognition, recognise
 from nat2024.datasets.registered import (
@@ -89,6 +89,7 @@ __all__ = [
     "is_registered",
     "json_schema",
     "list_datasets",
+    "load_again",
     "load_dataset",
     "prefetch",
     "read_configuration",

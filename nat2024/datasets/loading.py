@@ -4,7 +4,7 @@ import logging
 import os
 from collections.abc import Iterable
 from dataclasses import replace
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 from nat2024.datasets.reading import (
     Place,
@@ -13,9 +13,10 @@ from nat2024.datasets.reading import (
     locate,
     read_sequences,
 )
-from nat2024.datasets.registered import DatasetFacts
+from nat2024.datasets.registered import DatasetFacts, is_registered
 from nat2024.errors import BoxFileError, DatasetIncomplete, UsageError
-from nat2024.types import Dataset
+from nat2024.files import expand
+from nat2024.types import Dataset, Origin
 
 Rule: TypeAlias = Literal["published", "length", "all"]
 """Which sequences of a folder belong to the dataset; see `load_dataset`."""
@@ -61,7 +62,7 @@ def load_dataset(
         BoxFileError: box files that cannot be read, where that is all that is wrong.
         UsageError: options that do not fit together, or a wrong configuration file.
     """
-    place = locate(name_or_path, root)
+    place, asked = locate(name_or_path, root), rule
     place, rule = _keep_published(place, rule)
     read = _keep_long(place, read_sequences(place), rule)
     kept = [r for r in read if unannotated or r.has_boxes]
@@ -75,6 +76,27 @@ def load_dataset(
         place.layout.words,
         left_out,
         attribute_names(kept, place),
+        Origin(
+            _lasting(name_or_path),
+            str(expand(root).resolve()) if root is not None else "",
+            lenient,
+            asked,
+        ),
+    )
+
+
+def _lasting(name_or_path: str | os.PathLike[str]) -> str:
+    """A registered name as it is; a path made absolute, so that it can be found from anywhere."""
+    if isinstance(name_or_path, str) and is_registered(name_or_path):
+        return name_or_path
+    return str(expand(name_or_path).resolve())
+
+
+def load_again(origin: Origin) -> Dataset:
+    """Load a dataset as it was loaded before, sequences without full annotation included."""
+    rule: Any = origin.rule
+    return load_dataset(
+        origin.source, origin.root or None, unannotated=True, lenient=origin.lenient, rule=rule
     )
 
 

@@ -49,9 +49,8 @@ from nat2024.errors import (
     NatBenchError,
     UsageError,
 )
+from nat2024.files import expand
 from nat2024.types import Boxes, Flags, Sequence, closest
-
-SAMPLE = "night_mini"
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,7 +165,7 @@ def locate(name_or_path: str | os.PathLike[str], root: str | os.PathLike[str] | 
     """
     if isinstance(name_or_path, str) and is_registered(name_or_path):
         return _locate_registered(name_or_path, root)
-    folder = Path(name_or_path).expanduser()
+    folder = expand(name_or_path)
     if is_annotation_file(folder):
         return _locate_annotation(folder, root)
     if root is not None:
@@ -180,7 +179,7 @@ def locate(name_or_path: str | os.PathLike[str], root: str | os.PathLike[str] | 
 
 
 def _locate_annotation(path: Path, root: str | os.PathLike[str] | None) -> Place:
-    described = read_described(path, None if root is None else Path(root).expanduser())
+    described = read_described(path, None if root is None else expand(root))
     layout = layout_of(described)
     name = _base_name(described.base) if path.name == INDEX_FILE else path.stem
     return Place(name, False, described.base, layout, recognise_layout(layout))
@@ -237,11 +236,6 @@ def _refuse_another(place: Place) -> None:
 
 
 def _unknown(name: str) -> str:
-    if name == SAMPLE:
-        return (
-            f"the sample {SAMPLE} is not part of this version; "
-            "`nat-bench dataset synthesize FOLDER` renders a night clip with exact boxes"
-        )
     if os.sep in name or "/" in name:
         return f"{name}: no such folder"
     near = closest(name.lower().replace("-", "_"), list_datasets())

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import get_args
 
 from nat2024.datasets.prefetch import AHEAD
+from nat2024.devices import check_device
 from nat2024.engine.plan import Combination, describe
 from nat2024.engine.workers import (
     Job,
@@ -24,9 +25,17 @@ from nat2024.engine.workers import (
     run_in_process,
     run_in_workers,
 )
-from nat2024.errors import DatasetIncomplete, ResultConflict, UsageError
-from nat2024.store import DatasetRecord, Manifest, OnBadFrame, RunFolder, Session, open_run
-from nat2024.types import Dataset
+from nat2024.errors import DatasetIncomplete, NatBenchError, ResultConflict, UsageError
+from nat2024.store import (
+    DatasetRecord,
+    Manifest,
+    OnBadFrame,
+    RunFolder,
+    Session,
+    StageTimes,
+    open_run,
+)
+from nat2024.types import Dataset, Sequence
 
 log = logging.getLogger("nat2024")
 
@@ -80,9 +89,6 @@ def run_benchmark(
     dataset: Dataset,
     results: str | Path = "results",
     *,
-    source: str = "",
-    root: str = "",
-    lenient: bool = False,
     workers: int = 1,
     threads: int = 1,
     on_bad_frame: OnBadFrame = "error",
@@ -99,9 +105,6 @@ def run_benchmark(
         combinations: from `combine`.
         dataset: the sequences.
         results: `RESULTS/DATASET/RUN/SEQUENCE.txt` is written.
-        source: the name or path that `dataset` was loaded from, kept in the manifest.
-        root: the root given with it.
-        lenient: whether `dataset` was loaded so.
         workers: number of processes; results do not depend on it.
         threads: computing threads of each worker; part of what a result depends on.
         on_bad_frame: as in `track_sequence`; part of what a result depends on.
@@ -118,9 +121,7 @@ def run_benchmark(
     combinations = list(combinations)
     _check(combinations, dataset, workers, threads)
     _check_reading(on_bad_frame, read_ahead)
-    record = DatasetRecord(
-        dataset.name, source or dataset.name, root, lenient, dataset.fingerprint()
-    )
+    record = _record(dataset)
     folder = Path(results) / dataset.name
     trackers = Trackers()
     with computing_threads(threads):
@@ -154,6 +155,13 @@ def run_benchmark(
     )
 
 
+def _record(dataset: Dataset) -> DatasetRecord:
+    origin = dataset.origin
+    if origin is None:
+        return DatasetRecord(dataset.name)
+    return DatasetRecord(dataset.name, origin.source, origin.root, origin.lenient, origin.rule)
+
+
 def _check(combinations: list[Combination], dataset: Dataset, workers: int, threads: int) -> None:
     if workers < 1 or threads < 1:
         msg = f"workers and threads must be at least 1, not {workers} and {threads}"
@@ -162,7 +170,7 @@ def _check(combinations: list[Combination], dataset: Dataset, workers: int, thre
         msg = f"dataset {dataset.name} has no annotated sequence to run"
         raise DatasetIncomplete(msg)
     for device in {one.device for one in combinations}:
-        _check_device(device)
+        check_device(device)
 
 
 def _check_reading(on_bad_frame: str, read_ahead: int) -> None:
@@ -171,19 +179,6 @@ def _check_reading(on_bad_frame: str, read_ahead: int) -> None:
         raise UsageError(msg)
     if read_ahead < 0:
         msg = f"read_ahead must be 0 or more, not {read_ahead}"
-        raise UsageError(msg)
-
-
-def _check_device(device: str) -> None:
-    import torch
-
-    kind, _, number = device.partition(":")
-    if kind not in ("cpu", "cuda") or (number and not number.isdigit()):
-        msg = f"device {device!r} is none of cpu, cuda, cuda:N"
-        raise UsageError(msg)
-    count = torch.cuda.device_count() if torch.cuda.is_available() else 0
-    if kind == "cuda" and int(number or 0) >= count:
-        msg = f"device {device!r} is not there: torch sees {count} CUDA devices"
         raise UsageError(msg)
 
 
@@ -198,7 +193,8 @@ def _open(
     trackers.keep(combination, tracker)
     run_folder = RunFolder(folder / combination.run)
     manifest = open_run(run_folder, settings(combination, tracker, enhancer))
-    missing = [s.name for s in dataset if not _is_finished(run_folder, s.name, len(s))]
+    missing = [s.name for s in dataset if not _is_finished(run_folder, manifest, s)]
+    manifest.starts |= {name: dataset[name].start_digest() for name in missing}
     return _Run(combination, run_folder, manifest, missing)
 
 
@@ -218,13 +214,18 @@ def _start(run: _Run, workers: int, read_ahead: int) -> None:
         run.folder.write_manifest(run.manifest)
 
 
-def _is_finished(folder: RunFolder, sequence: str, frames: int) -> bool:
-    if not folder.has(sequence):
+def _is_finished(folder: RunFolder, manifest: Manifest, sequence: Sequence) -> bool:
+    if not folder.has(sequence.name):
         return False
-    rows = len(folder.boxes(sequence))
-    if rows != frames:
-        path = folder.box_file(sequence)
-        msg = f"{path}: {rows} rows, but the sequence has {frames} frames; move the file away"
+    path, rows = folder.box_file(sequence.name), len(folder.boxes(sequence.name))
+    if rows != len(sequence):
+        msg = f"{path}: {rows} rows, but the sequence has {len(sequence)} frames; move it away"
+        raise ResultConflict(msg)
+    if manifest.starts.get(sequence.name, sequence.start_digest()) != sequence.start_digest():
+        msg = (
+            f"{path}: made on another dataset, whose {sequence.name} has another length or first "
+            "box; move it away, or choose another --results folder"
+        )
         raise ResultConflict(msg)
     return True
 
@@ -242,12 +243,20 @@ def _finish(run: _Run) -> None:
     if run.missing:
         run.folder.clean()
         run.manifest.sessions[-1].finished = _timestamp()
-        run.manifest.timing = run.folder.stage_times()
+        run.manifest.timing = _stage_times(run.folder)
         run.manifest.skipped_frames = run.folder.skipped_frames()
         _tell_skipped(run)
         failures = run.manifest.failures.items()
         run.manifest.failures = {n: why for n, why in failures if not run.folder.has(n)}
         run.folder.write_manifest(run.manifest)
+
+
+def _stage_times(folder: RunFolder) -> StageTimes | None:
+    try:
+        return folder.stage_times()
+    except NatBenchError as error:  # times are no reason to lose what was tracked
+        log.warning("no timing: %s", error)
+        return None
 
 
 def _tell_skipped(run: _Run) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 
 from nat2024.datasets.prefetch import AHEAD, Prefetch, prefetch
 from nat2024.engine.timing import TimedEnhancer, now
-from nat2024.errors import DatasetIncomplete, FrameUnreadable, NatBenchError
+from nat2024.errors import ArrayContract, DatasetIncomplete, FrameUnreadable, NatBenchError
 from nat2024.interfaces import Tracker
 from nat2024.store import STAGES, OnBadFrame, Track
 from nat2024.types import Box, Floats, Image, Sequence
@@ -82,7 +82,7 @@ def _track(
             except NatBenchError as error:
                 msg = f"{where}: {error}{_other_size(image, shape)}"
                 raise type(error)(msg) from error
-            except Exception as error:  # a plugin may fail in any way; the frame helps to find it
+            except (Exception, SystemExit) as error:  # a plugin may fail in any way
                 msg = f"{where}: {type(error).__name__}: {error}{_other_size(image, shape)}"
                 raise NatBenchError(msg) from error
         if on_frame:
@@ -96,8 +96,12 @@ def _step(
     """One frame: its box, and the seconds of each stage since `start`."""
     timed = tracker.enhancer if isinstance(tracker.enhancer, TimedEnhancer) else None
     ready = now(tracker.device)
-    box = tracker.update(image)[0] if first_box is None else tracker.init(image, first_box)
+    given = tracker.update(image)[0] if first_box is None else tracker.init(image, first_box)
     done = now(tracker.device)
+    box = np.asarray(given, dtype=np.float64)
+    if box.shape != (4,):
+        msg = f"{tracker.name} gave a box of shape {box.shape}, expected (4,)"
+        raise ArrayContract(msg)
     enhance = timed.take() if timed else 0.0
     return box, np.array([ready - start, enhance, done - ready - enhance])
 

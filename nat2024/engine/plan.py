@@ -8,7 +8,14 @@ from typing import Any
 from nat2024.engine.timing import TimedEnhancer
 from nat2024.errors import UsageError
 from nat2024.interfaces import Enhancer, Scope, Tracker
-from nat2024.registry import create_enhancer, create_tracker, load_plugin, resolve_options
+from nat2024.registry import (
+    Kind,
+    create_enhancer,
+    create_tracker,
+    list_plugins,
+    load_plugin,
+    resolve_options,
+)
 from nat2024.store import (
     DatasetRecord,
     Manifest,
@@ -104,8 +111,8 @@ def combine(
         UnknownPlugin, InvalidOption: as the registry says.
     """
     options, weights = options or {}, weights or {}
-    tracker_specs = _specs(trackers, options, weights)
-    enhancer_specs = _specs(enhancers, options, weights)
+    tracker_specs = _specs("tracker", trackers, options, weights)
+    enhancer_specs = _specs("enhancer", enhancers, options, weights)
     titles = [spec.title for spec in (*tracker_specs, *enhancer_specs)]
     for what, given in (("options", options), ("weights", weights)):
         for title in given:
@@ -113,6 +120,10 @@ def combine(
                 msg = f"{what} for {title}, which is not run{closest(title, titles)}"
                 raise UsageError(msg)
     if scope:
+        for spec in tracker_specs:
+            if spec.options.get("scope", scope) != scope:
+                msg = f"scope {scope} for all, but {spec.title}.scope={spec.options['scope']}"
+                raise UsageError(msg)
         tracker_specs = [replace(s, options={**s.options, "scope": scope}) for s in tracker_specs]
     for tracker_spec in tracker_specs:
         resolve_options(load_plugin(tracker_spec.name, "tracker"), tracker_spec.options)
@@ -126,11 +137,19 @@ def combine(
 
 
 def _specs(
-    titles: Iterable[str], options: Mapping[str, Mapping[str, Any]], weights: Mapping[str, str]
+    kind: Kind,
+    titles: Iterable[str],
+    options: Mapping[str, Mapping[str, Any]],
+    weights: Mapping[str, str],
 ) -> list[PluginSpec]:
     specs: dict[str, PluginSpec] = {}
     for title in titles:
-        spec = PluginSpec.parse(title)
+        try:
+            spec = PluginSpec.parse(title)
+        except UsageError as error:
+            near = closest(title.lower(), list_plugins(kind))
+            msg = f"{error}{near}"
+            raise UsageError(msg) from None
         if title in specs:
             msg = f"{title} is named twice; give one of them a label ({spec.name}@LABEL)"
             raise UsageError(msg)
@@ -164,10 +183,14 @@ def describe(
 
 
 def _record(spec: PluginSpec, plugin: Tracker | Enhancer) -> PluginRecord:
+    options = resolve_options(type(plugin), spec.options)
+    for key in [key for key, value in options.items() if value is None]:
+        chosen = getattr(plugin, key, None)  # what the plugin made of "as you like"
+        options[key] = chosen if isinstance(chosen, bool | int | float | str) else None
     return PluginRecord(
         name=spec.name,
         label=spec.label,
-        options=resolve_options(type(plugin), spec.options),
+        options=options,
         weights=_weights_record(plugin.weights),
         repeatable=plugin.card.repeatable,
     )

@@ -2,6 +2,8 @@
 
 import contextlib
 import multiprocessing
+import signal
+import threading
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
@@ -146,9 +148,10 @@ def _run_pool(
         initargs=(threads, plugins),
     )
     done: set[int] = set()
+    before = set(multiprocessing.active_children())
     try:
         futures: dict[Future[Outcome], int] = {}
-        with contextlib.suppress(BrokenProcessPool):
+        with contextlib.suppress(BrokenProcessPool), _born_deaf_to_interrupts():
             for number, job in enumerate(jobs):
                 futures[pool.submit(_run_in_worker, job)] = number
         for future in as_completed(futures):
@@ -159,9 +162,24 @@ def _run_pool(
                 yield outcome
     except BaseException:  # stopped from outside: nobody waits for what is still running
         pool.shutdown(wait=False, cancel_futures=True)
+        for worker in set(multiprocessing.active_children()) - before:
+            worker.terminate()
         raise
     pool.shutdown()
     return [job for number, job in enumerate(jobs) if number not in done]
+
+
+@contextlib.contextmanager
+def _born_deaf_to_interrupts() -> Iterator[None]:
+    """Processes that are started here ignore Ctrl-C: stopping them is their parent's business."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    handler = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, handler)
 
 
 _worker_trackers = Trackers()

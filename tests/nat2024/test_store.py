@@ -152,6 +152,10 @@ def test_folders_are_found_from_results_or_from_the_dataset_folder(tmp_path: Pat
     assert [run.name for run in list_runs(tmp_path / "clip")] == ["mil"]
     assert dataset_folder(tmp_path, "clip") == tmp_path / "clip"
     assert dataset_folder(tmp_path / "clip", "other") == tmp_path / "clip"
+    assert dataset_folder(tmp_path / "clip", "mil") == tmp_path / "clip"  # a run of that name
+    RunFolder(tmp_path / "clip" / "mil").write_manifest(manifest())
+    with pytest.raises(DatasetNotFound, match="this is one run; name the folder of its dataset"):
+        dataset_folder(tmp_path / "clip" / "mil", "clip")
     with pytest.raises(DatasetNotFound, match=r"no results of other; it holds clip"):
         dataset_folder(tmp_path, "other")
     with pytest.raises(DatasetNotFound, match="no such results folder"):

@@ -9,6 +9,7 @@ import click
 from nat2024.cli import options as shared
 from nat2024.cli.output import print_json
 from nat2024.cli.scoring import print_notes, print_scores
+from nat2024.errors import NatBenchError
 
 if TYPE_CHECKING:
     from nat2024.engine import BenchmarkReport
@@ -119,9 +120,6 @@ def command(
             combinations,
             chosen,
             results,
-            source=_lasting(source),
-            root=str(root.resolve()) if root else "",
-            lenient=lenient,
             workers=workers,
             threads=threads,
             on_bad_frame=on_bad_frame,
@@ -150,13 +148,6 @@ def _load(source: str, root: Path | None, sequences: str | None, lenient: bool) 
     return load_dataset(source, root, unannotated=True, lenient=lenient).select(names)
 
 
-def _lasting(source: str) -> str:
-    """A registered name as it is; a path made absolute, so that `eval` finds it from anywhere."""
-    from nat2024.datasets import is_registered
-
-    return source if is_registered(source) else str(Path(source).resolve())
-
-
 def _print(report: "BenchmarkReport", dataset: "Dataset", as_json: bool) -> None:
     from nat2024.evaluation import evaluate
 
@@ -167,10 +158,13 @@ def _print(report: "BenchmarkReport", dataset: "Dataset", as_json: bool) -> None
     if report.failures:
         done += f", {len(report.failures)} failed"
     log.info("%s: %s", report.folder, done)
-    if report.tracked or report.skipped:
-        evaluations = [evaluate(report.folder, dataset).only(report.runs)]
-        print_notes(evaluations)
-        print_scores(evaluations)
+    try:
+        evaluations = [evaluate(report.folder, dataset, runs=report.runs)]
+    except NatBenchError as error:  # what was tracked is kept, whatever scoring thinks of it
+        log.error("not scored: %s", error)
+        return
+    print_notes(evaluations)
+    print_scores(evaluations)
 
 
 class _Progress:

@@ -51,6 +51,9 @@ def command(
     from nat2024.files import write_atomic
     from nat2024_reports import overall_table, render
 
+    if as_json and (form != "console" or out is not None):
+        msg = "--json goes to standard output alone; leave out --format and --out"
+        raise UsageError(msg)
     if form == "console" and out is not None:
         msg = "--out needs --format markdown, csv or latex"
         raise UsageError(msg)

@@ -124,6 +124,32 @@ def test_eval_as_json_has_the_promised_columns(results: Path, cli: Any) -> None:
     assert document["summary"][0]["average_overlap"] is None  # NaN is no JSON
 
 
+def test_a_dataset_that_is_gone_hides_no_other(
+    results: Path, night_clip: Path, tmp_path: Path, cli: Any
+) -> None:
+    gone = tmp_path / "gone"
+    shutil.copytree(night_clip, gone)
+    cli("run", "--tracker", "still", "--dataset", gone, "--results", results)
+    shutil.rmtree(gone)
+    status, out, err = cli("eval", "--results", results)
+    assert status == 0
+    assert "night_clip: 3 sequences" in out
+    assert "left out: " in err
+    assert "name it with --dataset if it has moved" in err
+
+
+def test_a_bad_foreign_result_does_not_spoil_a_run(
+    results: Path, night_clip: Path, cli: Any
+) -> None:
+    foreign = results / "night_clip" / "Foreign"
+    foreign.mkdir()
+    (foreign / "wide.txt").write_text("1,2,3,4\n")
+    words = ("run", "--tracker", "still", "--dataset", night_clip, "--results", results)
+    status, out, _ = cli(*words)
+    assert status == 0
+    assert "3 sequences, 24 frames" in out
+
+
 def test_eval_by_sequence_and_protocol(results: Path, cli: Any) -> None:
     status, out, _ = cli("eval", "--results", results, "--by", "sequence", "--protocol", "strict")
     assert status == 0

@@ -69,18 +69,18 @@ def test_scope_patch_leaves_the_frame_to_the_tracker(night_clip: Path, tmp_path:
 
 def test_the_manifest_tells_what_ran(night_clip: Path, tmp_path: Path) -> None:
     options = {"still@b": {"step": "0.5"}}
-    run(night_clip, tmp_path, "still@b", "gamma", options=options, source="clip", threads=2)
+    run(night_clip, tmp_path, "still@b", "gamma", options=options, threads=2)
     stored = json.loads((tmp_path / "night_clip" / "still@b+gamma" / "run.json").read_text())
     assert stored["tracker"]["name"] == "still"
     assert stored["tracker"]["label"] == "b"
-    assert stored["tracker"]["options"] == {"step": 0.5, "scope": None}
+    assert stored["tracker"]["options"] == {"step": 0.5, "scope": "frame"}
     assert stored["enhancer"]["options"]["gamma"] == 0.5
     assert stored["scope"] == "frame"
     assert stored["device"] == "cpu"
     assert stored["threads"] == 2
     assert stored["repeatable"] is True
-    assert stored["dataset"]["source"] == "clip"
-    assert len(stored["dataset"]["fingerprint"]) == 64
+    assert stored["dataset"]["source"] == str(night_clip)
+    assert set(stored["starts"]) == {"narrow", "tall", "wide"}
     (session,) = stored["sessions"]
     assert session["finished"] >= session["started"]
     assert {"nat-bench", "numpy", "torch", "python"} <= set(session["versions"])
@@ -201,6 +201,16 @@ def test_names_that_are_no_names(text: str) -> None:
         combine([text], ["none"])
 
 
+def test_display_names_lead_to_names() -> None:
+    with pytest.raises(UsageError, match="closest: siamrpnpp"):
+        combine(["SiamRPN++"], ["none"])
+
+
+def test_one_scope_at_a_time() -> None:
+    with pytest.raises(UsageError, match=r"scope frame for all, but still\.scope=patch"):
+        combine(["still"], ["none"], options={"still": {"scope": "patch"}}, scope="frame")
+
+
 def test_a_combination_named_twice_is_refused() -> None:
     with pytest.raises(UsageError, match="still is named twice; give one of them a label"):
         combine(["still", "still"], ["none"])
@@ -217,6 +227,62 @@ def test_impossible_devices_and_counts(night_clip: Path, tmp_path: Path) -> None
     with pytest.raises(DatasetIncomplete, match="no annotated sequence"):
         run_benchmark(combine(["still"], ["none"]), dataset.select([]), tmp_path)
     assert not list(tmp_path.iterdir())
+
+
+def test_results_of_another_dataset_are_not_taken_for_these(
+    night_clip: Path, tmp_path: Path
+) -> None:
+    import shutil
+
+    run(night_clip, tmp_path / "results")
+    other = tmp_path / "night_clip"
+    shutil.copytree(night_clip, other)
+    path = other / "anno" / "tall.txt"
+    rows = path.read_text().splitlines()
+    path.write_text("\n".join(["1,2,14,20", *rows[1:]]))
+    with pytest.raises(ResultConflict, match=r"tall\.txt: made on another dataset"):
+        run(other, tmp_path / "results")
+    evaluation = nat2024.evaluate(tmp_path / "results", nat2024.load_dataset(other))
+    assert evaluation.notes()["altered_sequences"] == {"still": ["tall"]}
+    assert "still: made on another length or first box in tall" in evaluation.remarks()
+
+
+def test_the_dataset_is_found_again_from_the_manifest(night_clip: Path, tmp_path: Path) -> None:
+    from nat2024.evaluation import dataset_of_runs
+
+    run(night_clip, tmp_path)
+    assert [s.name for s in dataset_of_runs(tmp_path / "night_clip")] == ["narrow", "tall", "wide"]
+
+
+def test_a_tracker_whose_box_has_another_shape_fails(night_clip: Path, tmp_path: Path) -> None:
+    from nat2024 import register_tracker
+    from nat2024.cards import Card
+    from nat2024.interfaces import Tracker
+
+    @register_tracker("shapeless")
+    class Shapeless(Tracker):
+        card = Card(title="Shapeless", summary="")
+
+        def start(self, image: Any, box: Any) -> Any:
+            return box
+
+        def advance(self, image: Any) -> Any:
+            return 5.0, 1.0
+
+    failures = run(night_clip, tmp_path, "shapeless").failures
+    assert len(failures) == 3
+    assert failures[0].reason == "frame 2 of 8: shapeless gave a box of shape (), expected (4,)"
+
+
+def test_damaged_times_lose_nothing(night_clip: Path, tmp_path: Path) -> None:
+    run(night_clip, tmp_path)
+    folder = RunFolder(tmp_path / "night_clip" / "still")
+    folder.time_file("wide").write_text("")
+    folder.box_file("tall").unlink()
+    run(night_clip, tmp_path)
+    manifest = folder.manifest()
+    assert manifest is not None
+    assert manifest.sessions[-1].finished
 
 
 def test_threads_are_restored(night_clip: Path, tmp_path: Path) -> None:

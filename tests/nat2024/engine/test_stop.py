@@ -1,0 +1,52 @@
+"""Ctrl-C stops at once, whatever the number of workers, and keeps what is finished."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+SLOW = """
+import time
+from nat2024 import Tracker, register_tracker
+from nat2024.cards import Card
+
+@register_tracker("slow")
+class Slow(Tracker):
+    card = Card(title="Slow", summary="")
+
+    def start(self, image, box):
+        self.box = box
+        return box
+
+    def advance(self, image):
+        time.sleep(0.1 if self.box[2] < 20 else 60)
+        return self.box, 0.0
+"""
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_interrupt(night_clip: Path, tmp_path: Path, workers: int) -> None:
+    (tmp_path / "slow.py").write_text(SLOW)
+    words = ["run", "--tracker", "slow", "--plugin", str(tmp_path / "slow.py"), "--device", "cpu"]
+    more = ["--dataset", str(night_clip), "--results", str(tmp_path), "--workers", str(workers)]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "nat2024", *words, *more],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+    )
+    folder = tmp_path / "night_clip" / "slow"
+    while process.poll() is None and len(list(folder.glob("*.txt"))) < 2:
+        time.sleep(0.01)
+    begun = time.monotonic()
+    os.killpg(process.pid, signal.SIGINT)
+    out, err = process.communicate(timeout=30)
+    assert time.monotonic() - begun < 10
+    assert process.returncode == 130
+    assert out == b""
+    assert err.decode().split("\n")[1:-1] == ["nat-bench: stopped; finished sequences are kept"]
+    assert sorted(p.name for p in folder.glob("*.txt")) == ["narrow.txt", "tall.txt"]
