@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from nat2024.datasets.described import frame_names, layout_of, read_as
-from nat2024.datasets.index import document_of, record_of, sound, with_checksums
+from nat2024.datasets.index import columns_known, document_of, record_of, sound, with_checksums
 from nat2024.datasets.layouts import find_layout
 from nat2024.datasets.reading import Place, ReadSequence, locate, read_sequences
 from nat2024.datasets.recognition import recognise_layout
@@ -91,7 +91,8 @@ def _without_frames(read: ReadSequence) -> ReadSequence:
 def _record(read: ReadSequence, place: Place, checksums: bool) -> AnnotatedSequence:
     record = read.found.record
     if record is None:
-        return record_of(read, place.folder, checksums=checksums)
+        known = columns_known(place)
+        return record_of(read, place.folder, checksums=checksums, columns_known=known)
     if not checksums or record.frames.sha256:
         return record
     return replace_fields(record, {"frames": with_checksums(record.frames, read.found)})

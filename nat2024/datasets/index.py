@@ -10,8 +10,10 @@ from typing import Any
 
 import msgspec
 
+from nat2024.datasets.annotations import read_side_file
 from nat2024.datasets.archives import read_bytes
 from nat2024.datasets.converters.got10k import read_folder
+from nat2024.datasets.converters.published import UNNAMED_FLAGS
 from nat2024.datasets.described import frame_names
 from nat2024.datasets.frames import count_frames
 from nat2024.datasets.layouts import FoundSequence, find_layout
@@ -76,7 +78,10 @@ def index_dataset(
     read = sound(place, [_with_own_files(r, own) for r in read_sequences(place)])
     there = {r.name for r in read}
     read += [one for name, one in own.items() if name not in there]
-    records = [record_of(one, place.folder, checksums=checksums) for one in read]
+    known = columns_known(place)
+    records = [
+        record_of(one, place.folder, checksums=checksums, columns_known=known) for one in read
+    ]
     return document_of(place, read, records)
 
 
@@ -88,6 +93,11 @@ def _with_own_files(read: ReadSequence, own: dict[str, ReadSequence]) -> ReadSeq
     record = replace_fields(read.found.record, annotated_rows(plain.boxes, plain.keyframes))
     found = replace(plain.found, record=record)
     return replace(read, found=found, boxes=plain.boxes, keyframes=plain.keyframes, fault=None)
+
+
+def columns_known(place: Place) -> bool:
+    """Whether the columns of the dataset's attribute files have names."""
+    return bool(place.facts and place.facts.attribute_columns)
 
 
 def sound(place: Place, read: list[ReadSequence]) -> list[ReadSequence]:
@@ -142,13 +152,17 @@ def document_of(
     return check_dataset(changed, str(place.folder))
 
 
-def record_of(read: ReadSequence, base: Path, *, checksums: bool) -> AnnotatedSequence:
+def record_of(
+    read: ReadSequence, base: Path, *, checksums: bool, columns_known: bool
+) -> AnnotatedSequence:
     """The annotation of one sequence, with its frames where they lie now.
 
     Args:
         read: the sequence.
         base: folder of the dataset.
         checksums: record size and sha256 of every frame.
+        columns_known: whether the columns of attribute files have names; else the files are kept
+            as text.
 
     Raises:
         AnnotationInvalid: the frames lie outside of `base`.
@@ -168,8 +182,11 @@ def record_of(read: ReadSequence, base: Path, *, checksums: bool) -> AnnotatedSe
     }
     if read.visible is not None:
         found["visible"] = tuple(read.visible.astype(int).tolist())
-    side = read_folder(read.found.folder, read.found.side_files, frames.count)
-    found |= side | {"category": read.category, "activity": read.activity}
+    found |= read_folder(read.found.folder, read.found.side_files, frames.count)
+    found |= {"category": read.category, "activity": read.activity}
+    if read.found.attributes is not None and not columns_known:
+        flags = read_side_file(read.found.attributes).decode("utf-8", "replace")
+        found["extra"] = {**found.get("extra", {}), UNNAMED_FLAGS: flags.strip()}
     return AnnotatedSequence(**found)
 
 

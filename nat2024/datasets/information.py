@@ -29,6 +29,8 @@ class SequenceInfo(msgspec.Struct, frozen=True, kw_only=True):
         zero_size: rows with a width or height that is not above 0.
         attributes: abbreviations, sorted.
         problem: why it cannot be loaded, empty where it can.
+        category: what the target is, empty where nothing tells.
+        activity: what it does, empty where nothing tells.
     """
 
     name: str
@@ -42,6 +44,8 @@ class SequenceInfo(msgspec.Struct, frozen=True, kw_only=True):
     zero_size: int = 0
     attributes: tuple[str, ...] = ()
     problem: str = ""
+    category: str = ""
+    activity: str = ""
 
 
 class DatasetInfo(msgspec.Struct, frozen=True, kw_only=True):
@@ -49,7 +53,7 @@ class DatasetInfo(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         name: registered name, or base name of the folder.
-        title: name as papers write it, empty where it is no registered dataset.
+        title: name as papers write it, empty where neither published facts nor an index tell.
         recognised_as: the registered dataset that names and lengths say it is, or empty.
         layout: the folder layout in words.
         root: the folder.
@@ -111,7 +115,16 @@ def describe(
     names = attribute_names(read, place)
     loaded = Dataset(place.name, (), place.folder, place.layout.words, (), names)
     found = tuple(_describe_read(r) for r in read)
-    return _sum_up(loaded, place.published_as, place.recognition.name, found)
+    summed = _sum_up(loaded, place.published_as, place.recognition.name, found)
+    document = place.layout.document
+    if document is None:
+        return summed
+    return msgspec.structs.replace(
+        summed,
+        title=document.title or summed.title,
+        paper=document.citation or summed.paper,
+        licence=document.licence or summed.licence,
+    )
 
 
 def describe_sequence(sequence: Sequence, problem: str = "") -> SequenceInfo:
@@ -137,13 +150,24 @@ def describe_sequence(sequence: Sequence, problem: str = "") -> SequenceInfo:
         zero_size=int((rows[:, 2:] <= 0).any(axis=1).sum()),
         attributes=tuple(sorted(sequence.attributes)),
         problem=problem,
+        category=sequence.category,
+        activity=sequence.activity,
     )
 
 
 def _describe_read(read: ReadSequence) -> SequenceInfo:
     frames = read.found.frames
     fault = str(read.fault) if read.fault else ""
-    whole = Sequence(read.name, frames, read.boxes, read.visible, read.attributes, read.keyframes)
+    whole = Sequence(
+        read.name,
+        frames,
+        read.boxes,
+        read.visible,
+        read.attributes,
+        read.keyframes,
+        read.category,
+        read.activity,
+    )
     return describe_sequence(whole, fault)
 
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 _NUMBERED = re.compile(r"([^%]*)%(?:0([1-9]))?d([^%]*)")
 _CHECKSUM = re.compile(r"[0-9a-f]{64}")
 _NAME_BYTES = 200  # file systems take 255, an ending and a temporary name must fit too
-_COUNT = 10_000_000
+_COUNT = 1_000_000  # nine hours of video
 _FULL_COVER = 8
 
 _Dataset = TypeVar("_Dataset", bound="AnnotatedDataset")

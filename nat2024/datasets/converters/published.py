@@ -2,7 +2,8 @@
 
 `anno/NAME.txt` has a row `x,y,w,h` a frame, `anno_keyframes/NAME.txt` rows `frame,x,y,w,h` with the
 frame from 1 where only some are annotated, `att/NAME.txt` a row of 0 and 1 in the order of the
-dataset's attributes. A video lies as `data_seq/NAME.mp4`. All else is in `nat-bench-extra.json`.
+dataset's attributes (or as it came, where its columns have no names). A video lies as
+`data_seq/NAME.mp4`. All else is in `nat-bench-extra.json`.
 """
 
 from collections.abc import Iterator, Mapping
@@ -27,6 +28,8 @@ from nat2024.datasets.schema import AnnotatedDataset, AnnotatedSequence, KeptSeq
 from nat2024.datasets.video import VideoFrames
 
 FORMAT = "published"
+UNNAMED_FLAGS = "published.att"
+"""Key of an attribute file whose columns nobody names, in `extra` of a sequence."""
 
 
 def find(folder: Path) -> Path | None:
@@ -75,8 +78,10 @@ def files(document: AnnotatedDataset) -> Iterator[tuple[str, bytes]]:
     for sequence in document.sequences:
         if sequence.boxes is not None:
             yield _box_file(sequence)
+        flags = sequence.extra.get(UNNAMED_FLAGS, "")
         if document.attributes:
             flags = ",".join(str(int(a in sequence.attributes)) for a in document.attribute_names)
+        if flags:
             yield f"att/{sequence.name}.txt", f"{flags}\n".encode()
     yield extra_file(document, FORMAT, _native)
 

@@ -322,3 +322,12 @@ def test_a_converted_dataset_in_an_archive(night, tmp_path, name):
     convert(archive, tmp_path / "back", "index")
     whole = (tmp_path / "back" / "nat-bench.json").read_bytes()
     assert whole == (source / "nat-bench.json").read_bytes()
+
+
+def test_attribute_files_whose_columns_nobody_names_are_kept(night, tmp_path):
+    for name in ("car_1", "bike_2"):
+        (night / "att").mkdir(exist_ok=True)
+        (night / "att" / f"{name}.txt").write_text("0,1,0\n")
+    convert(night, tmp_path / "got", "got10k")
+    convert(tmp_path / "got", tmp_path / "back", "published")
+    assert (tmp_path / "back" / "att" / "car_1.txt").read_text() == "0,1,0\n"

@@ -281,3 +281,17 @@ def test_a_name_that_is_no_text_is_refused(make, tmp_path):
     os.rename(tmp_path / "n" / "car" / "00001.jpg", frame)  # noqa: PTH104
     with pytest.raises(AnnotationInvalid):
         index_dataset(tmp_path / "n")
+
+
+def test_info_takes_the_words_of_the_index(indexed):
+    def edit(plain):
+        plain.update(title="My night", licence="CC0", citation="me 2024")
+        plain["sequences"][1]["activity"] = "parking"
+
+    change(indexed, edit)
+    info = describe(indexed)
+    assert (info.title, info.licence, info.paper) == ("My night", "CC0", "me 2024")
+    assert [(s.category, s.activity) for s in info.sequences] == [
+        ("bike", "cycling"),
+        ("car", "parking"),
+    ]
