@@ -7,6 +7,7 @@ from nat2024.analysis.agreement import Agreement, label_agreement
 from nat2024.analysis.attributes import (
     ComputedAttributes,
     computed_attributes,
+    published_attributes,
     with_computed_attributes,
 )
 from nat2024.analysis.documents import attribute_document, attribute_rows, frame_rows
@@ -34,6 +35,7 @@ __all__ = [
     "frame_rows",
     "get_rules",
     "label_agreement",
+    "published_attributes",
     "trace_light",
     "with_computed_attributes",
 ]

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from nat2024.analysis.attributes import ComputedAttributes
+from nat2024.analysis.attributes import ComputedAttributes, published_attributes
 from nat2024.types import Dataset
 
 
@@ -48,7 +48,7 @@ def label_agreement(
     found = []
     for attribute in dataset.attribute_names:
         pairs = [
-            (s.name, attribute in s.attributes, computed[s.name].labels[attribute])
+            (s.name, attribute in published_attributes(s), computed[s.name].labels[attribute])
             for s in dataset
             if s.name in computed and attribute in computed[s.name].labels
         ]

@@ -193,6 +193,12 @@ def _mean(values: Floats) -> float:
     return float(kept.mean()) if len(kept) else float("nan")
 
 
+def published_attributes(sequence: Sequence) -> frozenset[str]:
+    """The attributes of a sequence that its publisher gave it."""
+    origin = sequence.provenance
+    return frozenset(a for a in sequence.attributes if origin.get(a, "published") == "published")
+
+
 def with_computed_attributes(
     dataset: Dataset,
     *,

@@ -7,7 +7,11 @@ from typing import Any
 import numpy as np
 
 from nat2024.analysis.agreement import label_agreement
-from nat2024.analysis.attributes import PROVENANCE, ComputedAttributes
+from nat2024.analysis.attributes import (
+    PROVENANCE,
+    ComputedAttributes,
+    published_attributes,
+)
 from nat2024.analysis.rules import attribute_meanings
 from nat2024.types import Dataset, Sequence
 
@@ -59,7 +63,7 @@ def _entry(
 
 
 def _published(dataset: Dataset, sequence: Sequence) -> dict[str, bool]:
-    own = {a for a in sequence.attributes if sequence.provenance.get(a) in (None, "published")}
+    own = published_attributes(sequence)
     names = (*dataset.attribute_names, *sorted(own - {*dataset.attribute_names}))
     return {name: name in own for name in names}
 

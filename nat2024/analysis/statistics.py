@@ -6,7 +6,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from nat2024.analysis.attributes import ComputedAttributes, computed_attributes
+from nat2024.analysis.attributes import (
+    ComputedAttributes,
+    computed_attributes,
+    published_attributes,
+)
 from nat2024.analysis.boxes import trace_boxes
 from nat2024.analysis.rules import RULES, AttributeRules
 from nat2024.types import Dataset, Floats, Sequence
@@ -180,9 +184,6 @@ def _sequence_row(
     size, step = places["size"], places.step
     width, height = sequence.frame_size
     measured = found.measured
-    published = (
-        a for a in sequence.attributes if sequence.provenance.get(a, "published") != "computed"
-    )
     return {
         "sequence": sequence.name,
         "frames": len(sequence),
@@ -200,7 +201,7 @@ def _sequence_row(
         "largest_step": step.max(),
         "median_relative_step": places.relative_step.median(),
         **{name: measured.get(name, np.nan) for name in _LIGHT_COLUMNS},
-        "published": " ".join(sorted(published)),
+        "published": " ".join(sorted(published_attributes(sequence))),
         "computed": " ".join(name for name, has in found.labels.items() if has),
     }
 

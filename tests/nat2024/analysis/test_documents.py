@@ -61,3 +61,11 @@ def test_rows_of_frames_leave_out_what_was_not_looked_at(two: Dataset, make: Any
 def test_nothing_computed_gives_headings_alone(two: Dataset) -> None:
     assert list(frame_rows(two, {})) == [["sequence", "frame", "provenance"]]
     assert attribute_document(two, {})["sequences"] == []
+
+
+def test_what_a_person_labelled_is_not_published(make: Any) -> None:
+    names = frozenset({"FM", "OCC"})
+    mine = make([[0, 0, 30, 30]] * 2, attributes=names, provenance={"OCC": "manual"})
+    dataset = Dataset("mine", (mine,), attribute_names=("FM",))
+    (entry,) = attribute_document(dataset, computed(dataset, pixels=False))["sequences"]
+    assert entry["published"] == {"FM": True}

@@ -110,13 +110,13 @@ def _write(
 
 
 def _print(dataset: "Dataset", computed: "dict[str, ComputedAttributes]") -> None:
-    from nat2024.analysis import attribute_meanings, label_agreement
+    from nat2024.analysis import attribute_meanings, label_agreement, published_attributes
 
     numbers = [n for n in _NUMBERS if any(n in found.measured for found in computed.values())]
     rows = [
         [
             sequence.name,
-            " ".join(a for a in dataset.attribute_names if a in sequence.attributes) or "-",
+            " ".join(sorted(published_attributes(sequence))) or "-",
             " ".join(a for a, carried in computed[sequence.name].labels.items() if carried) or "-",
             *(_number(computed[sequence.name].measured.get(name)) for name in numbers),
         ]
