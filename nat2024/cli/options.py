@@ -139,7 +139,9 @@ def choose_protocol(name: str, texts: Iterable[str]) -> "Protocol":
     from nat2024.types import closest
 
     given = read_pairs(texts, "--protocol-option")
-    known = [field.name for field in dataclasses.fields(Protocol) if field.name != "name"]
+    # frame size and cover belong to one sequence, so no text for a whole dataset can give them
+    of_sequences = ("name", "frame_size", "cover")
+    known = [field.name for field in dataclasses.fields(Protocol) if field.name not in of_sequences]
     for key in given:
         if key not in known:
             msg = f"protocols have no option {key!r}{closest(key, known)}"

@@ -1,5 +1,6 @@
 """`nat-bench eval`: scores of stored results."""
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -84,8 +85,12 @@ def _print(frame: "pd.DataFrame", by: str, title: str) -> None:
     words = [by, "provenance", "run"] if by == "attribute" else [by, "run"]
     names = [name for name in _SHOWN if frame[name].notna().any()]
     rows = [
-        [*(str(row[word]) for word in words), str(row["frames"]), *(f"{row[n]:.3f}" for n in names)]
+        [*(str(row[word]) for word in words), str(row["frames"]), *(_number(row[n]) for n in names)]
         for row in frame.sort_values(words).to_dict(orient="records")
     ]
     headings = [*(word.capitalize() for word in words), "Frames", *(_SHOWN[n] for n in names)]
     print_table(headings, rows, title=title, words=len(words))
+
+
+def _number(value: float) -> str:
+    return "-" if math.isnan(value) else f"{value:.3f}"
