@@ -28,6 +28,9 @@ def check_files(found: FoundSequence, root: Path) -> None:
         raise DatasetIncomplete(msg)
     for path in _links(found):
         target = path.resolve()
+        if target.exists() and not target.is_file():
+            msg = f"{found.name}: {path} is no file but a device or pipe; remove it"
+            raise DatasetIncomplete(msg)
         if not any(target.is_relative_to(x.resolve()) for x in (root, path.parent)):
             msg = (
                 f"{found.name}: {path} is a link out of the dataset folder, to {target}; "

@@ -22,7 +22,7 @@ class Listing:
         folders: names of sub-folders, sorted.
         images: names of images in frame order.
         files: names of all other files, sorted.
-        links: names of images and other files that are symbolic links.
+        links: names of images and other files that are symbolic links (or no files at all).
     """
 
     path: Path
@@ -88,12 +88,16 @@ def _scan(path: Path) -> tuple[list[str], list[str], list[str]]:
     try:
         with os.scandir(path) as scan:
             for entry in scan:
-                if not entry.name.startswith("."):
-                    is_link = entry.is_symlink()
-                    is_folder = (path / entry).is_dir() if is_link else entry.is_dir()
-                    (folders if is_folder else names).append(entry.name)
-                    if is_link and not is_folder:
-                        links.append(entry.name)
+                name = entry.name
+                if name[0] == ".":
+                    continue
+                if entry.is_file(follow_symlinks=False):  # nearly all of them
+                    names.append(name)
+                elif (path / name).is_dir():
+                    folders.append(name)
+                else:
+                    names.append(name)
+                    links.append(name)
     except OSError as error:
         archived = list_archived(path)
         if archived is not None:

@@ -155,6 +155,18 @@ def test_an_annotation_that_is_a_link_out_is_refused(root: Path, tmp_path: Path,
         load_dataset(root)
 
 
+def test_a_pipe_is_no_frame(root: Path) -> None:
+    os.mkfifo(root / "data_seq" / "a" / "00005.jpg")  # to read it would wait for ever
+    with pytest.raises(DatasetIncomplete, match=r"00005\.jpg is no file but a device or pipe"):
+        load_dataset(root)
+
+
+def test_a_link_to_nothing_is_a_frame_that_cannot_be_read(root: Path) -> None:
+    link(root / "data_seq" / "a" / "00002.jpg", Path("gone.jpg"))
+    with pytest.raises(FrameUnreadable, match=r"00002\.jpg \(frame 1.*: cannot be read"):
+        load_dataset(root)["a"].image(1)
+
+
 def test_folders_may_be_links(root: Path, tmp_path: Path) -> None:
     (root / "data_seq").rename(tmp_path / "disk")
     (root / "data_seq").symlink_to(tmp_path / "disk")
