@@ -68,6 +68,8 @@ def test_the_wheel_holds_four_packages_and_their_data(wheel: Path) -> None:
         assert f"{package}/py.typed" in names
     assert "nat2024_enhancers/ldenhancer/card.toml" in names
     assert "nat2024/datasets/facts/nat2024_2.json" in names
+    assert "nat2024/datasets/samples/night_mini.zip" in names
+    assert wheel.stat().st_size < 6_000_000
     assert any(name.endswith("licenses/LICENSE") for name in names)
     assert not [name for name in names if name.endswith((".pth", ".onnx", ".pt"))]
 
@@ -95,6 +97,7 @@ def test_everything_works_from_the_wheel_alone(wheel: Path, tmp_path: Path) -> N
     assert "run" in nat_bench("--help")
     assert "ldenhancer" in nat_bench("list", "--enhancers")
     assert "uavdark135" in nat_bench("list", "--datasets")
+    assert "6 sequences" in nat_bench("dataset", "info", "night_mini")
     nat_bench("dataset", "synthesize", "clip", "--frames", "4", "--sequences", "1")
     table = nat_bench("run", "--tracker", "mil", "--enhancer", "gamma", "--dataset", "clip")
     assert "protocol pysot" in table

@@ -26,6 +26,7 @@ _BUNDLED = (
     "nat2021_train",
     "nat2024_1",
     "nat2024_2",
+    "night_mini",
     "uavdark135",
     "uavdark70",
 )

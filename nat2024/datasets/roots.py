@@ -14,6 +14,7 @@ is `config.toml` in the user's configuration folder:
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
+from importlib.resources import files
 from pathlib import Path
 
 import msgspec
@@ -125,8 +126,8 @@ def find_root(name: str, root: str | os.PathLike[str] | None = None) -> Path:
         root: the dataset's own folder, or a folder that holds it.
 
     Raises:
-        DatasetNotFound: nothing is configured, or the folder is not there; says what was tried
-            and where a person gets the dataset.
+        DatasetNotFound: nothing is configured and it is no bundled sample, or the folder is not
+            there; says what was tried and where a person gets the dataset.
         UsageError: the configuration file is wrong.
     """
     facts = registered_dataset(name)
@@ -141,10 +142,20 @@ def find_root(name: str, root: str | os.PathLike[str] | None = None) -> Path:
         folder = _sub_folder(place.path, facts.folders)
         if folder is not None:
             return folder
+    bundled = bundled_archive(name)
+    if bundled is not None:
+        return bundled
     tried = [f"{root_variable(name)} is not set", f"no [roots] entry in {configuration_path()}"]
     tried += [f"{_first_folder(place.path, facts)} ({place.origin}) is absent" for place in shared]
     tried += [] if shared else ["NAT2024_ROOT is not set"]
     raise DatasetNotFound(_not_found(name, tried))
+
+
+def bundled_archive(name: str) -> Path | None:
+    """The archive of a sample that comes with the package; None for all other datasets."""
+    resource = files("nat2024.datasets").joinpath("samples", f"{name}.zip")
+    path = Path(str(resource))
+    return path if path.is_file() else None
 
 
 def _own_folder(name: str, facts: DatasetFacts, place: ConfiguredRoot) -> Path:

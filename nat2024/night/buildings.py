@@ -62,7 +62,7 @@ def make_building(
     x0, y0, x1, y1 = box
     wall = np.float32(rng.uniform(0.15, 0.4)) * colour(0.9, 0.97, 1.0)
     tint = lamp_colour(rng)
-    share = float(rng.uniform(0.05, 0.4))
+    share = float(rng.uniform(0.08, 0.45))
     facades = []
     for width in (x1 - x0, y1 - y0, x1 - x0, y1 - y0):
         facade = _facade(rng, width, height, wall * ambient, tint, share)
@@ -104,7 +104,7 @@ def _facade(
             cv2.rectangle(facade, (x, y), (x + step - 5, y + storey - 7), light.tolist(), -1)
     if rng.random() < 0.45:
         _shops(rng, facade, storey)
-    if rng.random() < 0.3 and rows > 3 * storey:
+    if rng.random() < 0.4 and rows > 3 * storey:
         _sign(rng, facade)
     return facade
 

@@ -96,7 +96,7 @@ def _lamp(rng: np.random.Generator, spot: tuple[float, float, float], common: Co
 
 def ambient_light(rng: np.random.Generator) -> Colour:
     """Sky and scattered light, in units of the light under a lamp, BGR."""
-    level = log_uniform(rng, 0.006, 0.035)
+    level = log_uniform(rng, 0.005, 0.03)
     tint = colour(float(rng.uniform(0.85, 1.25)), 1.0, float(rng.uniform(0.8, 1.1)))
     return np.asarray(level * tint, dtype=np.float32)
 

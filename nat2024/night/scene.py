@@ -248,7 +248,7 @@ def _small_lights(rng: np.random.Generator, plan: Plan, lamps: Sequence[Lamp]) -
     radii = [0.2] * len(lamps)
     radiance = [lamp.glare * lamp.strength * lamp.tint for lamp in lamps]
     half = plan.side / 2
-    for _ in range(int(rng.integers(2, 7))):
+    for _ in range(int(rng.integers(3, 9))):
         string = _string(rng, half)
         light = lamp_colour(rng) * np.float32(log_uniform(rng, 1, 12))
         kept = [p for p in string if _on_ground(plan, p[0], p[1], -0.5)]

@@ -274,7 +274,7 @@ def test_synthesize_writes_a_dataset_and_never_over_another(tmp_path: Path, cli:
     status, _, err = cli("dataset", "synthesize", tmp_path / "clip", "--frames", 3)
     assert status == 0
     assert "2 sequences of 3 frames" in err
-    assert len(list((tmp_path / "clip" / "data_seq" / "vehicle2").iterdir())) == 3
+    assert len(list((tmp_path / "clip" / "data_seq" / "person1").glob("*.jpg"))) == 3
     status, _, err = cli("dataset", "synthesize", tmp_path / "clip")
     assert status == 2
     assert "is not empty" in err
@@ -388,7 +388,12 @@ def test_debug_shows_the_traceback(cli: Any, tmp_path: Path) -> None:
     assert "Traceback" in err
 
 
-def test_without_a_dataset_the_sample_is_named(cli: Any, small_plugins: str) -> None:
-    status, _, err = cli("run", "--tracker", "still")
-    assert status == 2  # the bundled sample is not part of this version yet
+def test_without_a_dataset_the_sample_is_taken(
+    cli: Any, small_plugins: str, tmp_path: Path
+) -> None:
+    results = tmp_path / "results"
+    status, out, err = cli("run", "--tracker", "still", "--results", results)
+    assert status == 0
     assert "no --dataset given, taking the sample night_mini" in err
+    assert "6 sequences" in out
+    assert len(list((results / "night_mini" / "still").glob("*.txt"))) == 6

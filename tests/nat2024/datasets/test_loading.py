@@ -153,9 +153,10 @@ def test_names_and_paths(tmp_path, make, monkeypatch):
         load_dataset("/no/such/place")
 
 
-def test_the_sample_is_not_there_yet():
-    with pytest.raises(DatasetNotFound, match="nat-bench dataset synthesize"):
-        load_dataset("night_mini")
+def test_the_sample_gives_way_to_a_root_of_ones_own(tmp_path, make):
+    make.apart(tmp_path, LENGTHS)
+    assert len(load_dataset("night_mini")) == 6
+    assert {s.name for s in load_dataset("night_mini", tmp_path)} == set(LENGTHS)
 
 
 def test_a_registered_dataset_says_what_differs_from_the_published_list(tmp_path, make, log_lines):

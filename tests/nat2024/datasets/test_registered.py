@@ -23,6 +23,7 @@ NAMES = [
     "nat2021_train",
     "nat2024_1",
     "nat2024_2",
+    "night_mini",
     "uavdark135",
     "uavdark70",
 ]
