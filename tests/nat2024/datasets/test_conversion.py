@@ -5,13 +5,15 @@ import os
 import shutil
 from pathlib import Path
 
+import cv2
+import msgspec
 import numpy as np
 import pytest
 
 from nat2024.datasets import load_dataset, validate
 from nat2024.datasets.conversion import FORMATS, convert
-from nat2024.datasets.index import index_dataset
-from nat2024.datasets.schema import encode_dataset, read_dataset
+from nat2024.datasets.index import index_dataset, write_index
+from nat2024.datasets.schema import AttributeTerm, encode_dataset, read_dataset
 from nat2024.errors import AnnotationInvalid, DatasetIncomplete, DatasetNotFound, UsageError
 
 ROWS = [(1, 2, 3, 4), (0.5, -1, 0, 0), [np.nan] * 4]
@@ -331,3 +333,71 @@ def test_attribute_files_whose_columns_nobody_names_are_kept(night, tmp_path):
     convert(night, tmp_path / "got", "got10k")
     convert(tmp_path / "got", tmp_path / "back", "published")
     assert (tmp_path / "back" / "att" / "car_1.txt").read_text() == "0,1,0\n"
+
+
+@pytest.fixture
+def videos(make, tmp_path):
+    """One sequence as a video of four frames."""
+    folder = tmp_path / "videos"
+    make.rows(folder / "anno" / "car.txt", 4)
+    (folder / "data_seq").mkdir()
+    code = cv2.VideoWriter_fourcc(*"MJPG")
+    path = str(folder / "data_seq" / "car.avi")
+    writer = cv2.VideoWriter(path, cv2.CAP_FFMPEG, code, 25, (48, 32))
+    for seed in range(4):
+        writer.write(make.image(seed, (48, 32)))
+    writer.release()
+    return folder
+
+
+def test_a_video_stays_a_video(videos, tmp_path):
+    for name in ("index", "published"):
+        done = convert(videos, tmp_path / name, name)
+        assert (done.frames, done.copied) == (4, 1)
+        (car,) = load_dataset(tmp_path / name)
+        (before,) = load_dataset(videos)
+        assert np.array_equal(car.image(3), before.image(3))
+        assert validate(tmp_path / name).ok
+        assert convert(tmp_path / name, tmp_path / f"{name}_again", "index").frames == 4
+    index = tmp_path / "published_again" / "nat-bench.json"
+    assert read_dataset(index).sequences[0].frames.video == "car.avi"
+    with pytest.raises(UsageError, match="car is a video, but got10k holds folders of images"):
+        convert(videos, tmp_path / "got", "got10k")
+
+
+def test_an_altered_video_is_found(videos, tmp_path):
+    convert(videos, tmp_path / "out", "index")
+    path = tmp_path / "out" / "data_seq" / "car.avi"
+    path.write_bytes(path.read_bytes() + b"\0")
+    (problem,) = validate(tmp_path / "out").problems
+    assert problem.message == "car: car.avi altered, by size or checksum"
+
+
+def test_what_other_programs_find_in_each_format(night, tmp_path):
+    document = index_dataset(night)
+    bike, car = document.sequences
+    car = msgspec.structs.replace(car, visible=(1, 1, 0), attributes={"FM": "manual"}, fps=25.0)
+    terms = (AttributeTerm(name="IV"), AttributeTerm(name="FM"))
+    changed = msgspec.structs.replace(document, attributes=terms, sequences=(bike, car))
+    write_index(changed, night / "nat-bench.json")
+    out = {name: tmp_path / name for name in FORMATS}
+    for name, folder in out.items():
+        convert(night, folder, name)
+    assert (out["published"] / "att" / "car_1.txt").read_text() == "0,1\n"
+    assert (out["got10k"] / "car_1" / "absence.label").read_text() == "0\n0\n1\n"
+    assert (out["got10k"] / "car_1" / "cover.label").read_text() == "8\n8\n0\n"
+    assert not (out["got10k"] / "bike_2" / "cover.label").exists()
+    pysot = json.loads((out["pysot"] / "night.json").read_text())
+    assert list(pysot) == ["bike_2", "car_1"]
+    assert pysot["car_1"]["absent"] == [1, 1, 0]  # the toolkit scores the frames whose flag is 1
+    assert pysot["car_1"]["attr"] == ["FM"]
+    assert pysot["car_1"]["init_rect"] == [1, 2, 3, 4]
+    assert "absent" not in pysot["bike_2"]
+    coco = json.loads((out["coco-video"] / "annotations.json").read_text())
+    assert coco["videos"][1] == {"id": 2, "name": "car_1", "width": 16, "height": 12, "fps": 25.0}
+    assert [c["name"] for c in coco["categories"]] == ["bike", "car"]
+    assert len(coco["images"]) == 5
+    assert coco["images"][2]["file_name"] == "car_1/00001.jpg"
+    assert [a["image_id"] for a in coco["annotations"]] == [1, 2, 3, 4]  # none of the absent frame
+    assert coco["annotations"][3]["bbox"] == [0.5, -1, 0, 0]
+    assert all(a["id"] == i for i, a in enumerate(coco["annotations"], 1))
