@@ -49,7 +49,7 @@ def _rule_of(protocol: Protocol, is_short: bool) -> tuple[LengthRule, float]:
 
 
 def _refusal(given: int, wanted: int, protocol: Protocol) -> str:
-    hint = 'compare the files, or pass on_length="pad" (--on-length pad; missing rows fail) or "cut"'
+    hint = 'compare the files, or pass on_length="pad" (missing rows fail) or "cut" (--on-length)'
     if given == wanted - 1:
         hint = (
             "one row short: the tracker probably wrote none for the first frame; "
