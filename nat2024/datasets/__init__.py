@@ -46,8 +46,8 @@ from nat2024.datasets.schema import (
     decode_dataset,
     encode_dataset,
     json_schema,
-    read_dataset,
 )
+from nat2024.datasets.schema_checks import read_dataset
 from nat2024.datasets.validation import Finding, ValidationReport, validate
 from nat2024.datasets.video import VideoFrames
 from nat2024.datasets.writing import write_sequence

@@ -14,8 +14,8 @@ from nat2024.datasets.conversion_source import Source, read_source
 from nat2024.datasets.converters import CONVERTERS
 from nat2024.datasets.converters.common import iterate_once
 from nat2024.datasets.described import get_converter
+from nat2024.datasets.file_names import is_inner_path
 from nat2024.datasets.schema import AnnotatedDataset
-from nat2024.datasets.schema_checks import is_inner_path
 from nat2024.errors import AnnotationInvalid, FrameUnreadable, UsageError
 from nat2024.files import write_atomic
 

@@ -8,9 +8,9 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
+from nat2024.datasets.file_names import find_pattern
 from nat2024.datasets.frames import FolderFrames, StoredFrames
 from nat2024.datasets.schema import AnnotatedSequence, Coordinate, FrameFiles, Row
-from nat2024.datasets.schema_checks import find_pattern
 from nat2024.datasets.video import VideoFrames
 from nat2024.errors import AnnotationInvalid
 from nat2024.types import Boxes, Flags

@@ -14,7 +14,7 @@ from typing import Any, Literal, TypeAlias
 import msgspec
 
 from nat2024.datasets import archives
-from nat2024.datasets.schema_checks import check_dataset, file_names
+from nat2024.datasets.file_names import expand_pattern
 from nat2024.errors import AnnotationInvalid
 
 VERSION = "nat-bench/1"
@@ -57,7 +57,11 @@ class FrameFiles(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
 
     def files(self) -> tuple[str, ...]:
         """Names of the files that hold the frames: images in frame order, or one video."""
-        return file_names(self)
+        if self.video:
+            return (self.video,)
+        if self.names or not self.pattern:
+            return self.names
+        return expand_pattern(self.pattern, self.first, self.count)
 
 
 class AttributeTerm(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -219,16 +223,6 @@ def _decode(raw: bytes, where: str, kind: Any) -> Any:
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         msg = f"{where}: no valid JSON ({error})"
     raise AnnotationInvalid(msg)
-
-
-def read_dataset(path: Path) -> AnnotatedDataset:
-    """Read and check an index file.
-
-    Raises:
-        AnnotationInvalid: it cannot be read; see `decode_dataset`.
-    """
-    document = decode_dataset(read_bytes(path), str(path))
-    return check_dataset(document, str(path))
 
 
 def read_bytes(path: Path) -> bytes:

@@ -5,68 +5,26 @@ import math
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from pathlib import PureWindowsPath
-from typing import TYPE_CHECKING, TypeVar
+from pathlib import Path
+from typing import TypeVar
 
+import msgspec
+
+from nat2024.datasets.file_names import is_inner_path, is_plain_name
+from nat2024.datasets.schema import (
+    AnnotatedDataset,
+    AnnotatedSequence,
+    FrameFiles,
+    decode_dataset,
+    read_bytes,
+)
 from nat2024.errors import AnnotationInvalid
 
-if TYPE_CHECKING:
-    from nat2024.datasets.schema import AnnotatedDataset, AnnotatedSequence, FrameFiles
-
-_NUMBERED = re.compile(r"([^%]*)%(?:0([1-9]))?d([^%]*)")
 _CHECKSUM = re.compile(r"[0-9a-f]{64}")
-_NAME_BYTES = 200  # file systems take 255, an ending and a temporary name must fit too
 _COUNT = 1_000_000  # nine hours of video
 _FULL_COVER = 8
 
-_Dataset = TypeVar("_Dataset", bound="AnnotatedDataset")
-
-
-def is_plain_name(name: str) -> bool:
-    """Whether a name is a visible file name that leads nowhere: no separator, no leading dot."""
-    return (
-        bool(name)
-        and name.isprintable()
-        and not name.startswith(".")
-        and not {"/", "\\"} & set(name)
-        and not PureWindowsPath(name).drive
-        and len(name.encode()) <= _NAME_BYTES
-    )
-
-
-def is_inner_path(path: str) -> bool:
-    """Whether a `/`-separated path stays inside the folder it begins in; empty is that folder."""
-    return not path or all(map(is_plain_name, path.split("/")))
-
-
-def file_names(frames: "FrameFiles") -> tuple[str, ...]:
-    """Names of the files that hold the frames: images in frame order, or one video."""
-    if frames.video:
-        return (frames.video,)
-    if frames.names or not frames.pattern:
-        return frames.names
-    match = _NUMBERED.fullmatch(frames.pattern)
-    if match is None:
-        msg = f"pattern {frames.pattern!r}: expected one %d or %0Nd, such as %06d.jpg"
-        raise AnnotationInvalid(msg)
-    before, digits, after = match.groups()
-    width = int(digits or 0)
-    numbers = range(frames.first, frames.first + frames.count)
-    return tuple(f"{before}{number:0{width}d}{after}" for number in numbers)
-
-
-def find_pattern(names: tuple[str, ...]) -> tuple[str, int] | None:
-    """The pattern and first number that give exactly these file names; None where none does."""
-    match = re.fullmatch(r"([^%]*?)([0-9]+)([^0-9%]*)", names[0]) if names else None
-    if match is None or len(match[2]) > 9:
-        return None
-    before, number, after = match.groups()
-    first, padded = int(number), len(number) > 1
-    for spec in (f"0{len(number)}" if padded else "", ""):
-        width = int(spec or 0)
-        if all(n == f"{before}{i:0{width}d}{after}" for i, n in enumerate(names, first)):
-            return f"{before}%{spec}d{after}", first
-    return None
+_Dataset = TypeVar("_Dataset", bound=AnnotatedDataset)
 
 
 def check_dataset(document: _Dataset, where: str, *, complete: bool = True) -> _Dataset:
@@ -81,8 +39,6 @@ def check_dataset(document: _Dataset, where: str, *, complete: bool = True) -> _
     Raises:
         AnnotationInvalid: the first thing that does not fit, in one line.
     """
-    import msgspec
-
     for fault in itertools.chain(_faults(document), _sequence_faults(document, complete)):
         msg = f"{where}: {fault}"
         raise AnnotationInvalid(msg)
@@ -90,7 +46,17 @@ def check_dataset(document: _Dataset, where: str, *, complete: bool = True) -> _
     return msgspec.structs.replace(document, sequences=ordered)
 
 
-def _faults(document: "AnnotatedDataset") -> Iterator[str]:
+def read_dataset(path: Path) -> AnnotatedDataset:
+    """Read and check an index file.
+
+    Raises:
+        AnnotationInvalid: it cannot be read; see `decode_dataset`.
+    """
+    document = decode_dataset(read_bytes(path), str(path))
+    return check_dataset(document, str(path))
+
+
+def _faults(document: AnnotatedDataset) -> Iterator[str]:
     if not is_plain_name(document.name):
         yield f"{document.name!r} cannot be the name of a dataset: it must be a plain file name"
     yield from _twice("attributes", (term.name for term in document.attributes))
@@ -100,7 +66,7 @@ def _faults(document: "AnnotatedDataset") -> Iterator[str]:
         yield "an attribute has no printable name"
 
 
-def _sequence_faults(document: "AnnotatedDataset", complete: bool) -> Iterator[str]:
+def _sequence_faults(document: AnnotatedDataset, complete: bool) -> Iterator[str]:
     known = set(document.attribute_names)
     for sequence in document.sequences:
         if not is_plain_name(sequence.name):
@@ -113,7 +79,7 @@ def _sequence_faults(document: "AnnotatedDataset", complete: bool) -> Iterator[s
             yield f"{where}: attribute {name!r} is not among the dataset's attributes"
 
 
-def _frame_faults(frames: "FrameFiles") -> Iterator[str]:
+def _frame_faults(frames: FrameFiles) -> Iterator[str]:
     if not is_inner_path(frames.folder):
         yield f"frames.folder {frames.folder!r} leads out of the dataset, or is no plain path"
     if not 0 < frames.count <= _COUNT:
@@ -131,7 +97,7 @@ def _frame_faults(frames: "FrameFiles") -> Iterator[str]:
     yield from _file_faults(frames, names)
 
 
-def _file_faults(frames: "FrameFiles", names: tuple[str, ...]) -> Iterator[str]:
+def _file_faults(frames: FrameFiles, names: tuple[str, ...]) -> Iterator[str]:
     strange = next((name for name in names if not is_plain_name(name)), None)
     if strange is not None:
         yield f"frame {strange!r} leads out of its folder, or is no plain file name"
@@ -145,7 +111,7 @@ def _file_faults(frames: "FrameFiles", names: tuple[str, ...]) -> Iterator[str]:
         yield "frames: a size is negative, or a checksum is not 64 hexadecimal digits"
 
 
-def _count_faults(sequence: "AnnotatedSequence", complete: bool) -> Iterator[str]:
+def _count_faults(sequence: AnnotatedSequence, complete: bool) -> Iterator[str]:
     frames = sequence.frames.count
     rows = frames
     keyframes = sequence.keyframes

@@ -16,6 +16,7 @@ import numpy as np
 
 from nat2024.datasets.archives import is_stored
 from nat2024.datasets.converters.common import Described, below, kept, merge, numbered
+from nat2024.datasets.file_names import is_inner_path
 from nat2024.datasets.frames import FolderFrames
 from nat2024.datasets.records import all_boxes, frame_files, stored_frames
 from nat2024.datasets.schema import (
@@ -26,7 +27,7 @@ from nat2024.datasets.schema import (
     Row,
     read_bytes,
 )
-from nat2024.datasets.schema_checks import check_dataset, is_inner_path
+from nat2024.datasets.schema_checks import check_dataset
 from nat2024.errors import AnnotationInvalid
 
 FORMAT = "coco-video"

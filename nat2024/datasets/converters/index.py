@@ -6,7 +6,8 @@ from pathlib import Path
 from nat2024.datasets.archives import is_stored
 from nat2024.datasets.converters.common import Described, below
 from nat2024.datasets.records import stored_frames
-from nat2024.datasets.schema import INDEX_FILE, AnnotatedDataset, encode_dataset, read_dataset
+from nat2024.datasets.schema import INDEX_FILE, AnnotatedDataset, encode_dataset
+from nat2024.datasets.schema_checks import read_dataset
 
 FORMAT = "index"
 

@@ -26,6 +26,7 @@ from nat2024.datasets.converters.common import (
     numbered,
     read_extra,
 )
+from nat2024.datasets.file_names import is_inner_path, is_plain_name
 from nat2024.datasets.records import all_boxes, frame_files, rows_of, stored_frames
 from nat2024.datasets.schema import (
     INDEX_FILE,
@@ -35,7 +36,7 @@ from nat2024.datasets.schema import (
     KeptSequence,
     read_bytes,
 )
-from nat2024.datasets.schema_checks import check_dataset, is_inner_path, is_plain_name
+from nat2024.datasets.schema_checks import check_dataset
 from nat2024.errors import AnnotationInvalid
 from nat2024.types import Boxes
 

@@ -13,7 +13,8 @@ import pytest
 from nat2024.datasets import load_dataset, validate
 from nat2024.datasets.conversion import FORMATS, convert
 from nat2024.datasets.index import index_dataset, write_index
-from nat2024.datasets.schema import AttributeTerm, encode_dataset, read_dataset
+from nat2024.datasets.schema import AttributeTerm, encode_dataset
+from nat2024.datasets.schema_checks import read_dataset
 from nat2024.errors import AnnotationInvalid, DatasetIncomplete, DatasetNotFound, UsageError
 
 ROWS = [(1, 2, 3, 4), (0.5, -1, 0, 0), [np.nan] * 4]

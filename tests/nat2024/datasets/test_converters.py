@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from nat2024.datasets.conversion import convert
 from nat2024.datasets.converters import CONVERTERS
 from nat2024.datasets.converters.common import iterate_once
+from nat2024.datasets.file_names import is_plain_name
 from nat2024.datasets.records import annotated_rows, frame_files
 from nat2024.datasets.schema import (
     AnnotatedDataset,
@@ -19,7 +20,7 @@ from nat2024.datasets.schema import (
     decode_dataset,
     encode_dataset,
 )
-from nat2024.datasets.schema_checks import check_dataset, is_plain_name
+from nat2024.datasets.schema_checks import check_dataset
 from nat2024.types import Boxes
 
 FORMATS = sorted(CONVERTERS)

@@ -9,7 +9,8 @@ import pytest
 
 from nat2024.datasets import describe, load_dataset, validate
 from nat2024.datasets.index import index_dataset, write_index
-from nat2024.datasets.schema import encode_dataset, read_dataset
+from nat2024.datasets.schema import encode_dataset
+from nat2024.datasets.schema_checks import read_dataset
 from nat2024.errors import (
     AnnotationInvalid,
     DatasetIncomplete,

@@ -6,6 +6,7 @@ import msgspec
 import numpy as np
 import pytest
 
+from nat2024.datasets.file_names import find_pattern, is_inner_path
 from nat2024.datasets.records import all_boxes, boxes_of, frame_files, rows_of
 from nat2024.datasets.schema import (
     AnnotatedDataset,
@@ -15,9 +16,8 @@ from nat2024.datasets.schema import (
     decode_dataset,
     encode_dataset,
     json_schema,
-    read_dataset,
 )
-from nat2024.datasets.schema_checks import check_dataset, find_pattern, is_inner_path
+from nat2024.datasets.schema_checks import check_dataset, read_dataset
 from nat2024.errors import AnnotationInvalid
 
 
