@@ -1,10 +1,13 @@
 """From a results folder to evaluations: which dataset it belongs to, and what to say about it."""
 
+import functools
 import logging
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from nat2024.cli import options as shared
 from nat2024.cli.output import print_table, rows_of
 from nat2024.errors import DatasetNotFound, NatBenchError
 
@@ -16,16 +19,46 @@ if TYPE_CHECKING:
     from nat2024.types import Dataset
 
 
-def score(
-    results: Path,
-    dataset: str | None = None,
-    root: Path | None = None,
-    protocol: "str | Protocol" = "pysot",
-    on_length: str | None = None,
-    *,
-    lenient: bool = False,
-    computed_attributes: bool = False,
-) -> "list[Evaluation]":
+@dataclass(frozen=True, slots=True)
+class Scoring:
+    """What is to be scored and how, as the options of `scoring_options` say."""
+
+    results: Path
+    dataset: str | None
+    root: Path | None
+    lenient: bool
+    protocol: "Protocol"
+    on_length: str | None
+
+
+def scoring_options(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Add the options that say what is scored and how; `function` gets them as one `Scoring`."""
+
+    @shared.results_option
+    @shared.dataset_option
+    @shared.root_option
+    @shared.lenient_option
+    @shared.protocol_option
+    @shared.protocol_options_option
+    @shared.on_length_option
+    @functools.wraps(function)
+    def wrapped(
+        results: Path,
+        dataset: str | None,
+        root: Path | None,
+        lenient: bool,
+        protocol: str,
+        protocol_options: tuple[str, ...],
+        on_length: str | None,
+        **others: Any,
+    ) -> Any:
+        chosen = shared.choose_protocol(protocol, protocol_options)
+        return function(Scoring(results, dataset, root, lenient, chosen, on_length), **others)
+
+    return wrapped
+
+
+def score(wanted: Scoring, *, computed_attributes: bool = False) -> "list[Evaluation]":
     """Evaluate one dataset, or all that a results folder holds where none is named.
 
     With `computed_attributes` sequences carry those too, beside published ones.
@@ -34,14 +67,17 @@ def score(
         DatasetNotFound: no results, or no way to tell where their dataset is.
     """
     from nat2024.datasets import load_dataset
-    from nat2024.evaluation import dataset_of_runs
+    from nat2024.evaluation import dataset_of_runs, evaluate
     from nat2024.store import check_results, list_datasets, list_runs
 
-    check_results(results)
-    if dataset is not None:
-        loaded = load_dataset(dataset, root, unannotated=True, lenient=lenient)
-        pairs = [(results, loaded)]
-        return _evaluate(pairs, protocol, on_length, computed_attributes)
+    def evaluated(folder: Path, dataset: "Dataset") -> "Evaluation":
+        described = _with_attributes(dataset) if computed_attributes else dataset
+        return evaluate(folder, described, protocol=wanted.protocol, on_length=wanted.on_length)
+
+    results = check_results(wanted.results)
+    if wanted.dataset is not None:
+        loaded = load_dataset(wanted.dataset, wanted.root, unannotated=True, lenient=wanted.lenient)
+        return [evaluated(results, loaded)]
     folders = [results] if list_runs(results) else list_datasets(results)
     if not folders:
         msg = f"{results}: holds no results; `nat-bench run --results {results}` writes some"
@@ -49,8 +85,7 @@ def score(
     evaluations, problems = [], []
     for folder in folders:
         try:  # one dataset that has moved must not hide the scores of the others
-            pairs = [(folder, dataset_of_runs(folder, lenient=lenient))]
-            evaluations += _evaluate(pairs, protocol, on_length, computed_attributes)
+            evaluations.append(evaluated(folder, dataset_of_runs(folder, lenient=wanted.lenient)))
         except NatBenchError as error:
             problems.append(error)
     if not evaluations:
@@ -58,25 +93,6 @@ def score(
     for problem in problems:
         log.error("left out: %s", problem)
     return evaluations
-
-
-def _evaluate(
-    pairs: "Iterable[tuple[Path, Dataset]]",
-    protocol: "str | Protocol",
-    on_length: str | None,
-    computed_attributes: bool,
-) -> "list[Evaluation]":
-    from nat2024.evaluation import evaluate
-
-    return [
-        evaluate(
-            folder,
-            _with_attributes(dataset) if computed_attributes else dataset,
-            protocol=protocol,
-            on_length=on_length,
-        )
-        for folder, dataset in pairs
-    ]
 
 
 def _with_attributes(dataset: "Dataset") -> "Dataset":

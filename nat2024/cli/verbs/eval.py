@@ -1,14 +1,13 @@
 """`nat-bench eval`: scores of stored results."""
 
 import math
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from nat2024.cli import options as shared
 from nat2024.cli.output import print_json, print_table
-from nat2024.cli.scoring import document, print_notes, print_scores, score
+from nat2024.cli.scoring import Scoring, document, print_notes, print_scores, score, scoring_options
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -22,13 +21,7 @@ _SHOWN = {
 
 
 @click.command()
-@shared.results_option
-@shared.dataset_option
-@shared.root_option
-@shared.lenient_option
-@shared.protocol_option
-@shared.protocol_options_option
-@shared.on_length_option
+@scoring_options
 @click.option(
     "--by",
     type=click.Choice(["run", "sequence", "attribute"]),
@@ -44,13 +37,7 @@ _SHOWN = {
 @shared.json_option
 @shared.messages
 def command(
-    results: Path,
-    dataset: str | None,
-    root: Path | None,
-    lenient: bool,
-    protocol: str,
-    protocol_options: tuple[str, ...],
-    on_length: str | None,
+    scoring: Scoring,
     by: str,
     computed_attributes: bool,
     as_json: bool,
@@ -59,16 +46,7 @@ def command(
 
     The dataset is the one that the results were made on, unless --dataset names another.
     """
-    chosen = shared.choose_protocol(protocol, protocol_options)
-    evaluations = score(
-        results,
-        dataset,
-        root,
-        chosen,
-        on_length,
-        lenient=lenient,
-        computed_attributes=computed_attributes,
-    )
+    evaluations = score(scoring, computed_attributes=computed_attributes)
     print_notes(evaluations)
     if as_json:
         print_json(document(evaluations))

@@ -6,17 +6,11 @@ import click
 
 from nat2024.cli import options as shared
 from nat2024.cli.output import print_json
-from nat2024.cli.scoring import document, print_notes, print_scores, score
+from nat2024.cli.scoring import Scoring, document, print_notes, print_scores, score, scoring_options
 
 
 @click.command()
-@shared.results_option
-@shared.dataset_option
-@shared.root_option
-@shared.lenient_option
-@shared.protocol_option
-@shared.protocol_options_option
-@shared.on_length_option
+@scoring_options
 @click.option(
     "--format",
     "form",
@@ -32,13 +26,7 @@ from nat2024.cli.scoring import document, print_notes, print_scores, score
 @shared.json_option
 @shared.messages
 def command(
-    results: Path,
-    dataset: str | None,
-    root: Path | None,
-    lenient: bool,
-    protocol: str,
-    protocol_options: tuple[str, ...],
-    on_length: str | None,
+    scoring: Scoring,
     form: str,
     out: Path | None,
     as_json: bool,
@@ -57,8 +45,7 @@ def command(
     if form == "console" and out is not None:
         msg = "--out needs --format markdown, csv or latex"
         raise UsageError(msg)
-    chosen = shared.choose_protocol(protocol, protocol_options)
-    evaluations = score(results, dataset, root, chosen, on_length, lenient=lenient)
+    evaluations = score(scoring)
     print_notes(evaluations)
     if as_json:
         print_json(document(evaluations))

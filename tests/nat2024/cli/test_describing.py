@@ -8,20 +8,6 @@ from typing import Any
 
 import pytest
 
-from nat2024.cli import run
-
-
-@pytest.fixture
-def cli(capsys: Any) -> Any:
-    """Run a command; gives (exit status, standard output, standard error)."""
-
-    def call(*words: object) -> tuple[int, str, str]:
-        status = run([str(word) for word in words])
-        out, err = capsys.readouterr()
-        return status, out, err
-
-    return call
-
 
 def test_attributes_as_a_table(night_clip: Path, cli: Any) -> None:
     status, out, _ = cli("dataset", "attributes", night_clip)
