@@ -50,6 +50,7 @@ class RunScores:
         scope: what was enhanced, empty where no manifest tells.
         sequences: scores by sequence.
         missing: names of sequences without a result.
+        skipped: by sequence, 0-based numbers of frames that could not be read when it was tracked.
         altered: names of sequences whose length or first box is not what was tracked.
         strict_success: success AUC under the protocol `strict`, NaN where it was not asked.
     """
@@ -61,6 +62,7 @@ class RunScores:
     sequences: dict[str, SequenceScores]
     missing: tuple[str, ...]
     altered: tuple[str, ...]
+    skipped: dict[str, list[int]]
     strict_success: float
 
 
@@ -149,6 +151,7 @@ class Evaluation:
             "bad_result_rows": {run: names for run, names in bad.items() if names},
             "unequal_lengths": {run: names for run, names in unequal.items() if names},
             "missing_sequences": {run.run: list(run.missing) for run in self.runs if run.missing},
+            "skipped_frames": {run.run: run.skipped for run in self.runs if run.skipped},
             "altered_sequences": {run.run: list(run.altered) for run in self.runs if run.altered},
             "strict_success_auc": strict,
         }
@@ -167,6 +170,11 @@ class Evaluation:
             lines.append(f"{run}: result and ground truth differ in length in {_names(names)}")
         for run, names in notes.get("missing_sequences", {}).items():
             lines.append(f"{run}: no result of {len(names)} sequences, {_names(names)}")
+        for run, frames in notes.get("skipped_frames", {}).items():
+            count = sum(map(len, frames.values()))
+            lines.append(
+                f"{run}: {count} unreadable frames repeat the last box in {_names(frames)}"
+            )
         for run, names in notes.get("altered_sequences", {}).items():
             lines.append(f"{run}: made on another length or first box in {_names(names)}")
         for run, success in notes.get("strict_success_auc", {}).items():
@@ -295,6 +303,7 @@ def _score_run(
             strict.append(pair.score(get_protocol("strict"), on_length))
     missing = [s.name for s in dataset if s.is_annotated and s.name not in finished]
     starts = manifest.starts if manifest else {}
+    unread = manifest.skipped_frames if manifest else {}
     altered = [n for n in scores if n in starts and starts[n] != dataset[n].start_digest()]
     return RunScores(
         run=run.name,
@@ -304,6 +313,7 @@ def _score_run(
         sequences=scores,
         missing=tuple(missing),
         altered=tuple(altered),
+        skipped={name: frames for name, frames in unread.items() if name in scores},
         strict_success=summarize(strict, "strict").success_auc,
     )
 

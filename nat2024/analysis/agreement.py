@@ -3,7 +3,11 @@
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from nat2024.analysis.attributes import ComputedAttributes, published_attributes
+from nat2024.analysis.attributes import (
+    ComputedAttributes,
+    published_attributes,
+    published_names,
+)
 from nat2024.types import Dataset
 
 
@@ -46,7 +50,7 @@ def label_agreement(
         One entry for each attribute that is both published and computed.
     """
     found = []
-    for attribute in dataset.attribute_names:
+    for attribute in published_names(dataset):
         pairs = [
             (s.name, attribute in published_attributes(s), computed[s.name].labels[attribute])
             for s in dataset

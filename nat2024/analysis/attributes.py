@@ -1,5 +1,6 @@
 """Attributes computed from boxes and pixels, of whole sequences and of single frames."""
 
+import logging
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
@@ -8,7 +9,10 @@ import numpy as np
 from nat2024.analysis.boxes import BoxTrace, trace_boxes
 from nat2024.analysis.light import LightTrace, trace_light
 from nat2024.analysis.rules import RULES, AttributeRules
+from nat2024.errors import FrameUnreadable
 from nat2024.types import Dataset, Flags, Floats, Sequence
+
+_log = logging.getLogger("nat2024")
 
 PROVENANCE = "computed"
 
@@ -199,6 +203,17 @@ def published_attributes(sequence: Sequence) -> frozenset[str]:
     return frozenset(a for a in sequence.attributes if origin.get(a, "published") == "published")
 
 
+def published_names(dataset: Dataset) -> tuple[str, ...]:
+    """The attributes that are published for a dataset, also those that no sequence carries.
+
+    An attribute that sequences carry by another provenance alone is not among them.
+    """
+    published = {name for s in dataset for name in published_attributes(s)}
+    carried = {name for s in dataset for name in s.attributes}
+    listed = [n for n in dataset.attribute_names if n in published or n not in carried]
+    return (*listed, *sorted(published - {*listed}))
+
+
 def with_computed_attributes(
     dataset: Dataset,
     *,
@@ -219,16 +234,19 @@ def with_computed_attributes(
         every: decode every `every`-th frame only.
         on_frame: called after each decoded frame.
 
-    Raises:
-        FrameUnreadable: a frame cannot be decoded.
+    A sequence with a frame that cannot be decoded gets what boxes alone tell, and a line of log.
     """
-    published = set(dataset.attribute_names).union(*(s.attributes for s in dataset))
+    published = set(published_names(dataset))
     sequences = []
     for sequence in dataset:
-        found = computed_attributes(
-            sequence, rules=rules, pixels=pixels, every=every, on_frame=on_frame
-        )
-        added = found.attributes - published
+        try:
+            found = computed_attributes(
+                sequence, rules=rules, pixels=pixels, every=every, on_frame=on_frame
+            )
+        except FrameUnreadable as error:
+            _log.warning("%s: attributes from boxes alone: %s", sequence.name, error)
+            found = computed_attributes(sequence, rules=rules, pixels=False)
+        added = found.attributes - published - sequence.attributes
         provenance = {**sequence.provenance, **dict.fromkeys(sorted(added), PROVENANCE)}
         sequences.append(
             replace(sequence, attributes=sequence.attributes | added, provenance=provenance)
@@ -238,5 +256,5 @@ def with_computed_attributes(
     return replace(
         dataset,
         sequences=tuple(sequences),
-        attribute_names=(*first, *(name for name in names if name not in published)),
+        attribute_names=(*first, *(name for name in names if name not in first)),
     )

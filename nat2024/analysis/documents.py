@@ -11,6 +11,7 @@ from nat2024.analysis.attributes import (
     PROVENANCE,
     ComputedAttributes,
     published_attributes,
+    published_names,
 )
 from nat2024.analysis.rules import attribute_meanings
 from nat2024.types import Dataset, Sequence
@@ -64,8 +65,7 @@ def _entry(
 
 def _published(dataset: Dataset, sequence: Sequence) -> dict[str, bool]:
     own = published_attributes(sequence)
-    names = (*dataset.attribute_names, *sorted(own - {*dataset.attribute_names}))
-    return {name: name in own for name in names}
+    return {name: name in own for name in published_names(dataset)}
 
 
 def attribute_rows(
@@ -75,9 +75,7 @@ def attribute_rows(
 
     A sequence has a row of each provenance that it has labels of; what is not told stays empty.
     """
-    names: dict[str, None] = dict.fromkeys(dataset.attribute_names)
-    for sequence in dataset:
-        names.update(dict.fromkeys(_published(dataset, sequence)))
+    names: dict[str, None] = dict.fromkeys(published_names(dataset))
     names.update(dict.fromkeys(_computed_names(computed)))
     yield ["sequence", "provenance", *names]
     for sequence in dataset:

@@ -13,6 +13,7 @@ from nat2024.analysis.attributes import (
 )
 from nat2024.analysis.boxes import trace_boxes
 from nat2024.analysis.rules import RULES, AttributeRules
+from nat2024.errors import FrameUnreadable
 from nat2024.types import Dataset, Floats, Sequence
 
 if TYPE_CHECKING:
@@ -113,6 +114,7 @@ def dataset_statistics(
     rules: AttributeRules = RULES["uav123"],
     every: int = 1,
     on_frame: Callable[[], object] | None = None,
+    on_failure: Callable[[str, FrameUnreadable], object] | None = None,
 ) -> DatasetStatistics:
     """Describe a loaded dataset.
 
@@ -122,6 +124,8 @@ def dataset_statistics(
         rules: thresholds of computed attributes.
         every: look at the pixels of every `every`-th frame, 0 of none.
         on_frame: called after each decoded frame, to show progress.
+        on_failure: called with name and reason of a sequence that cannot be read, which is then
+            left out; without it the reason is raised.
 
     Raises:
         FrameUnreadable: a frame cannot be decoded.
@@ -132,11 +136,17 @@ def dataset_statistics(
     heat_map = np.zeros(HEAT_MAP_CELLS[::-1])
     carried: dict[str, set[tuple[str, str]]] = {}
     for sequence in dataset:
-        found = computed_attributes(
-            sequence, rules=rules, pixels=every > 0, every=max(every, 1), on_frame=on_frame
-        )
-        places = _box_rows(sequence)
-        rows.append(_sequence_row(sequence, found, places))
+        try:
+            found = computed_attributes(
+                sequence, rules=rules, pixels=every > 0, every=max(every, 1), on_frame=on_frame
+            )
+            places = _box_rows(sequence)
+            rows.append(_sequence_row(sequence, found, places))
+        except FrameUnreadable as error:
+            if on_failure is None:
+                raise
+            on_failure(sequence.name, error)
+            continue
         boxes.append(places)
         light.append(_light_rows(found))
         heat_map += _heat_map(places)

@@ -1,5 +1,6 @@
 """Writing the index of a dataset: what `nat-bench dataset index` does."""
 
+import logging
 import os
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -9,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
+import numpy as np
 
 from nat2024.datasets.annotations import read_side_file
 from nat2024.datasets.archives import read_bytes
@@ -50,6 +52,7 @@ from nat2024.errors import (
 from nat2024.files import write_atomic
 
 _THREADS = 4
+_log = logging.getLogger("nat2024")
 
 
 def index_dataset(
@@ -91,8 +94,26 @@ def _with_own_files(read: ReadSequence, own: dict[str, ReadSequence]) -> ReadSeq
     if plain is None or read.found.record is None:
         return read
     record = replace_fields(read.found.record, annotated_rows(plain.boxes, plain.keyframes))
+    if not np.array_equal(read.boxes, plain.boxes, equal_nan=True):
+        record, read = _without_computed(record, read)
     found = replace(plain.found, record=record)
     return replace(read, found=found, boxes=plain.boxes, keyframes=plain.keyframes, fault=None)
+
+
+def _without_computed(
+    record: AnnotatedSequence, read: ReadSequence
+) -> tuple[AnnotatedSequence, ReadSequence]:
+    """Both without labels that were computed from boxes that are no longer there."""
+    computed = {name for name, origin in read.provenance.items() if origin == "computed"}
+    if computed:
+        names = ", ".join(sorted(computed))
+        _log.warning("%s: its boxes have changed, computed labels left out: %s", read.name, names)
+    told = {n: p for n, p in record.attributes.items() if n not in computed}
+    provenance = {n: p for n, p in read.provenance.items() if n not in computed}
+    return (
+        replace_fields(record, {"attributes": told}),
+        replace(read, attributes=read.attributes - computed, provenance=provenance),
+    )
 
 
 def columns_known(place: Place) -> bool:

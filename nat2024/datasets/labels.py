@@ -98,13 +98,17 @@ def with_labels(document: AnnotatedDataset, table: LabelTable) -> AnnotatedDatas
         for name, provenance in sequence.attributes.items()
         if provenance == "published"
     }
-    rows = [labels for rows in table.values() for labels in rows.values()]
-    names = dict.fromkeys((*document.attribute_names, *(name for row in rows for name in row)))
+    labelled = tuple(_labelled(s, table.get(s.name, {}), fixed) for s in document.sequences)
+    # An attribute that no sequence carries is listed only where its publisher says so: else it
+    # would be taken for one that is published as absent everywhere.
+    published = [name for rows in table.values() for name in rows.get("published", {})]
+    carried = [name for sequence in labelled for name in sequence.attributes]
+    names = dict.fromkeys((*document.attribute_names, *published, *carried))
     terms = {term.name: term for term in document.attributes}
     return msgspec.structs.replace(
         document,
         attributes=tuple(terms.get(name) or attribute_term(name) for name in names),
-        sequences=tuple(_labelled(s, table.get(s.name, {}), fixed) for s in document.sequences),
+        sequences=labelled,
     )
 
 

@@ -38,7 +38,7 @@ def statistics_markdown(
         [key.replace("_", " "), _text(summary[key])]
         for key in ("sequences", "frames", "valid_boxes", "absent_frames")
     ]
-    totals += [[f"frames of {size}", str(n)] for size, n in summary["frame_sizes"].items()]
+    totals += [[f"sequences of {size}", str(n)] for size, n in summary["frame_sizes"].items()]
     spreads = [
         [words, *(_text(summary[key][column]) for column in _COLUMNS)]
         for key, words in _DISTRIBUTIONS.items()

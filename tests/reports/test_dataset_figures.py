@@ -143,7 +143,7 @@ def test_markdown() -> None:
         columns=["attribute", "provenance", "sequences"],
     )
     page = statistics_markdown("mine", summary, sequences, attributes, {"FM": "fast motion"})
-    assert "| frames of 64x48 | 2 |" in page
+    assert "| sequences of 64x48 | 2 |" in page
     assert "| step of the centre (pixels) | 1.5 | 1.5" in page
     assert "| FM | published | 1 |  |" in page
     assert "| FM | computed | 2 | fast motion |" in page

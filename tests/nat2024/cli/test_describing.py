@@ -126,3 +126,95 @@ def test_published_and_computed_labels_stand_side_by_side(
     status, _, err = cli("dataset", "stats", night_clip, "--out", tmp_path, "--columns", "LR,OCC")
     assert status == 2
     assert "no attribute file" in err
+
+
+@pytest.fixture
+def broken(night_clip: Path, tmp_path: Path) -> Path:
+    """A copy of the clip in which one frame of `tall` is no image."""
+    copy = Path(shutil.copytree(night_clip, tmp_path / "broken"))
+    (copy / "data_seq" / "tall" / "00001.png").write_bytes(b"bad")
+    return copy
+
+
+def test_one_unreadable_frame_costs_only_its_own_sequence(
+    broken: Path, tmp_path: Path, cli: Any
+) -> None:
+    out = tmp_path / "labels.csv"
+    status, _, err = cli("dataset", "attributes", broken, "--out", out)
+    assert status == 1
+    assert "tall left out" in err
+    assert {row["sequence"] for row in csv.DictReader(out.open())} == {"narrow", "wide"}
+    status, _, err = cli("dataset", "stats", broken, "--out", tmp_path / "stats", "--no-figures")
+    assert status == 1
+    assert "tall left out" in err
+    assert "wide" in (tmp_path / "stats" / "sequences.csv").read_text()
+
+
+def test_eval_falls_back_to_what_boxes_tell(broken: Path, tmp_path: Path, cli: Any) -> None:
+    words = ("run", "--tracker", "mil", "--dataset", broken, "--results", tmp_path / "r")
+    assert cli(*words)[0] == 1
+    status, out, err = cli("eval", "--results", tmp_path / "r", "--computed-attributes", "--json")
+    assert status == 0
+    assert "tall: attributes from boxes alone" in err
+    assert json.loads(out)["per_attribute"]
+
+
+def test_labels_stay_the_same_however_often_they_are_indexed(
+    night_clip: Path, tmp_path: Path, cli: Any
+) -> None:
+    copy = Path(shutil.copytree(night_clip, tmp_path / "clip"))
+    seen = []
+    for _ in range(2):
+        cli("dataset", "attributes", copy, "--out", tmp_path / "l.csv")
+        words = ("dataset", "index", copy, "--force", "--attributes", tmp_path / "l.csv")
+        assert cli(*words)[0] == 0
+        seen.append((copy / "nat-bench.json").read_bytes())
+    assert seen[0] == seen[1]
+    assert b'"computed"' in seen[0]
+    rows = list(csv.DictReader((tmp_path / "l.csv").open()))
+    assert {row["provenance"] for row in rows} == {"computed"}
+
+
+def test_a_manual_label_of_one_sequence_hides_no_computed_one(night_clip: Path) -> None:
+    from dataclasses import replace
+
+    import nat2024
+    from nat2024.analysis import with_computed_attributes
+
+    plain = nat2024.load_dataset(night_clip)
+    before = {s.name: s.attributes for s in with_computed_attributes(plain, pixels=False)}
+    name = next(a for a in before["wide"])
+    first, *others = plain.sequences
+    marked = replace(first, attributes=frozenset({name}), provenance={name: "manual"})
+    after = with_computed_attributes(replace(plain, sequences=(marked, *others)), pixels=False)
+    assert after["wide"].attributes == before["wide"]
+    assert after[first.name].provenance[name] == "manual"
+
+
+def test_skipped_frames_are_told_with_the_scores(
+    night_clip: Path, tmp_path: Path, cli: Any
+) -> None:
+    copy = Path(shutil.copytree(night_clip, tmp_path / "skips"))
+    (copy / "data_seq" / "tall" / "00004.png").write_bytes(b"bad")
+    words = ("run", "--tracker", "mil", "--dataset", copy, "--results", tmp_path / "r")
+    assert cli(*words, "--on-bad-frame", "skip")[0] == 0
+    status, out, err = cli("eval", "--results", tmp_path / "r", "--json")
+    assert status == 0
+    assert json.loads(out)["notes"]["skips"]["skipped_frames"] == {"mil": {"tall": [3]}}
+    assert "mil: 1 unreadable frames repeat the last box in tall" in err
+
+
+def test_computed_labels_leave_with_the_boxes_that_they_came_from(
+    night_clip: Path, tmp_path: Path, cli: Any
+) -> None:
+    copy = Path(shutil.copytree(night_clip, tmp_path / "clip"))
+    cli("dataset", "attributes", copy, "--out", tmp_path / "l.csv", "--no-pixels")
+    cli("dataset", "index", copy, "--attributes", tmp_path / "l.csv")
+    (copy / "anno" / "wide.txt").write_text("10,10,80,80\n" * 8)
+    status, _, err = cli("dataset", "index", copy, "--force")
+    assert status == 0
+    assert "wide: its boxes have changed, computed labels left out" in err
+    index = json.loads((copy / "nat-bench.json").read_text())
+    labels = {s["name"]: s.get("attributes", {}) for s in index["sequences"]}
+    assert labels["wide"] == {}
+    assert "computed" in labels["tall"].values()

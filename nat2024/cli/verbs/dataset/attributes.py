@@ -2,6 +2,7 @@
 
 import csv
 import io
+import logging
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,6 +19,8 @@ from nat2024.cli.describing import (
     rules_option,
 )
 from nat2024.cli.output import print_json, print_table
+
+log = logging.getLogger("nat2024")
 
 if TYPE_CHECKING:
     from nat2024.analysis import ComputedAttributes
@@ -61,14 +64,15 @@ def command(
     per_frame: bool,
     out: Path | None,
     as_json: bool,
-) -> None:
+) -> int:
     """Compute attributes: FM, LR, SV, ARC, FOC, size bins, LAI, IV, UL.
 
     They are marked as computed, stand beside published labels and are compared with them; no
-    label is replaced. LAI, IV and UL (uneven light) look at pixels.
+    label is replaced. LAI, IV and UL (uneven light) look at pixels. A sequence whose frames cannot
+    be read is named and left out, with exit status 1.
     """
     from nat2024.analysis import attribute_document, computed_attributes
-    from nat2024.errors import UsageError
+    from nat2024.errors import FrameUnreadable, UsageError
 
     if out is not None and out.suffix not in (".csv", ".json"):
         msg = f"--out {out}: name a file that ends in .csv or .json"
@@ -79,18 +83,23 @@ def command(
     chosen = choose_rules(rules, rule_options)
     dataset = load(name_or_path, root, columns, lenient=lenient)
     with frame_bar(dataset, 0 if no_pixels else every) as step:
-        computed = {
-            sequence.name: computed_attributes(
-                sequence, rules=chosen, pixels=not no_pixels, every=every, on_frame=step
-            )
-            for sequence in dataset
-        }
+        computed = {}
+        for sequence in dataset:
+            try:
+                computed[sequence.name] = computed_attributes(
+                    sequence, rules=chosen, pixels=not no_pixels, every=every, on_frame=step
+                )
+            except FrameUnreadable as error:
+                log.error("%s left out: %s", sequence.name, error)
+    failed = len(dataset) - len(computed)
+    dataset = dataset.select(computed)
     if out is not None:
         _write(out, dataset, computed, per_frame)
     if as_json:
         print_json(attribute_document(dataset, computed, per_frame=per_frame))
     else:
         _print(dataset, computed)
+    return 1 if failed else 0
 
 
 def _write(

@@ -59,19 +59,31 @@ def command(
     no_pixels: bool,
     no_figures: bool,
     as_json: bool,
-) -> None:
+) -> int:
     """Write the tables and figures that a paper about a dataset needs.
 
     Lengths, box sizes and motion, where targets lie, light and how unevenly it falls, attributes
-    and which of them go together, and first frames with the target's box in red.
+    and which of them go together, and first frames with the target's box in red. A sequence whose
+    frames cannot be read is named and left out, with exit status 1.
     """
     from nat2024.analysis import dataset_statistics
+    from nat2024.errors import DatasetIncomplete
 
     chosen = choose_rules(rules, rule_options)
     dataset = load(name_or_path, root, columns, lenient=lenient)
     distance = 0 if no_pixels else every
     with frame_bar(dataset, distance) as step:
-        found = dataset_statistics(dataset, rules=chosen, every=distance, on_frame=step)
+        found = dataset_statistics(
+            dataset,
+            rules=chosen,
+            every=distance,
+            on_frame=step,
+            on_failure=lambda name, error: _log.error("%s left out: %s", name, error),
+        )
+    whole, dataset = dataset, dataset.select(found.sequences.sequence)
+    if not len(dataset):
+        msg = f"{whole.name}: no sequence of it can be read"
+        raise DatasetIncomplete(msg)
     document = _document(found)
     _write_tables(found, document, out)
     if not no_figures:
@@ -81,6 +93,7 @@ def command(
     else:
         _print(document["summary"], found.name)
         click.echo(f"nat-bench: written to {out}", err=True)
+    return 1 if len(dataset) < len(whole) else 0
 
 
 def _document(found: "DatasetStatistics") -> dict[str, Any]:
