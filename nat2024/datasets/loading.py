@@ -144,7 +144,7 @@ def _refuse_faulty(place: Place, read: Iterable[ReadSequence], *, lenient: bool)
         return
     kind = BoxFileError if all(isinstance(e, BoxFileError) for e in errors) else DatasetIncomplete
     uncut = any(r.lengths_differ for r in faults if r not in cut)
-    advice = "; lenient loading cuts to the shorter" if uncut else ""
+    advice = "; --lenient (lenient=True) cuts to the shorter" if uncut else ""
     msg = f"dataset {place.name}: {some([str(e) for e in errors], separator='; ')}{advice}"
     raise kind(msg)
 
