@@ -38,6 +38,9 @@ class Card(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
         weights: the published weights files.
         needs_weights: whether the plugin runs only with weights.
         parameters: trainable numbers in the network, 0 where it has none.
+        macs: multiply-accumulates of convolutions, linear layers and attention products (no
+            elementwise work) for one 256x256 image, or for one search crop of a tracker.
+        published: results that the authors or the reference paper publish, a line each.
         colour_order: what the network sees from trackers and from images.
         size_rule: how sizes that the network cannot take are handled.
         scopes: enhancement scopes that a tracker can do; for an enhancer the advised ones.
@@ -54,6 +57,8 @@ class Card(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
     weights: tuple[WeightsFile, ...] = ()
     needs_weights: bool = False
     parameters: int = 0
+    macs: int = 0
+    published: tuple[str, ...] = ()
     colour_order: str = ""
     size_rule: str = ""
     scopes: tuple[Literal["patch", "frame"], ...] = ("patch", "frame")

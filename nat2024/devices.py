@@ -1,8 +1,14 @@
-"""Naming a computing device, and saying in one line why one cannot be had."""
+"""Naming a computing device, and saying in one line why one cannot be had or is too small."""
 
+import contextlib
 import re
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
-from nat2024.errors import UsageError
+from nat2024.errors import OutOfMemory, UsageError
+
+if TYPE_CHECKING:
+    import torch
 
 _DEVICE = re.compile(r"cpu|cuda(?::(?P<number>[0-9]+))?")
 
@@ -26,3 +32,28 @@ def check_device(device: str) -> str:
         msg = f"device {device!r} is not there: torch sees {count} CUDA devices"
         raise UsageError(msg)
     return device
+
+
+@contextlib.contextmanager
+def explain_lack_of_memory(name: str, batch: "torch.Tensor") -> Iterator[None]:
+    """Turn a device's lack of memory into one line that says for which images it was.
+
+    Raises:
+        OutOfMemory: in place of the errors of torch and Python.
+    """
+    import torch
+
+    try:
+        yield
+    except (MemoryError, RuntimeError) as error:
+        # On a CPU torch raises a RuntimeError whose text is all there is to tell it by.
+        on_cpu = "can't allocate memory" in str(error) or "not enough memory" in str(error)
+        if not (isinstance(error, MemoryError | torch.OutOfMemoryError) or on_cpu):
+            raise
+        count, _, height, width = batch.shape
+        what = f"{count} images of {width}x{height}" if count > 1 else f"a {width}x{height} image"
+        msg = (
+            f"{name}: not enough memory for {what}; scale it down, enhance parts of it, "
+            "or take scope=patch in tracking"
+        )
+        raise OutOfMemory(msg) from None

@@ -60,6 +60,10 @@ class ArrayContract(NatBenchError):
     """An array of the wrong shape, type or range."""
 
 
+class OutOfMemory(NatBenchError):
+    """An image or batch for which the device has too little memory."""
+
+
 class LengthMismatch(NatBenchError):
     """A result and its ground truth that differ in length."""
 

@@ -1,6 +1,6 @@
 """Between uint8 images (H, W, 3) and float32 batches (N, 3, H, W) in 0..1."""
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -32,11 +32,18 @@ def image_to_batch(image: Image, device: Any = "cpu", *, reverse: bool = False) 
     return pixels.unsqueeze(0).to(torch.float32).div_(255.0)
 
 
-def batch_to_image(batch: "torch.Tensor", *, reverse: bool = False) -> Image:
-    """Turn a batch of one in 0..1 into uint8 (H, W, 3), rounded to nearest, NaN to 0."""
+def batch_to_image(
+    batch: "torch.Tensor",
+    *,
+    reverse: bool = False,
+    quantise: Literal["round", "truncate"] = "round",
+) -> Image:
+    """Turn a batch of one in 0..1 into uint8 (H, W, 3), rounded to nearest or cut; NaN to 0."""
     import torch
 
-    pixels = torch.nan_to_num(batch[0], nan=0.0).clamp(0.0, 1.0).mul(255.0).round_()
+    pixels = torch.nan_to_num(batch[0], nan=0.0).clamp(0.0, 1.0).mul(255.0)
+    if quantise == "round":
+        pixels = pixels.round_()
     image: Image = pixels.to(torch.uint8).permute(1, 2, 0).cpu().numpy()
     return np.ascontiguousarray(image[..., ::-1] if reverse else image)
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol, TypeAlias, r
 import numpy as np
 
 from nat2024.cards import Card
-from nat2024.devices import check_device
+from nat2024.devices import check_device, explain_lack_of_memory
 from nat2024.errors import ArrayContract, InvalidOption
 from nat2024.images import batch_to_image, check_batch, check_image, image_to_batch
 from nat2024.types import Box, Image
@@ -98,12 +98,18 @@ class Enhancer:
 class NeuralEnhancer(Enhancer, ABC):
     """An enhancer with a network: pads to the network's stride, runs it, cuts back, clamps.
 
-    A subclass gives `build` (the network), `forward` (padded batch to enhanced batch) and `stride`.
-    Nothing derived from the weights is kept between calls: a state dict loaded into `.model` takes
-    effect at the next call.
+    A subclass gives `build` (the network), `forward` (padded batch to enhanced batch) and `stride`;
+    `pad` where its authors pad otherwise. A state dict loaded into `.model` takes effect at the
+    next call: what a network derives from its weights follows them (`networks.folding.Derived`).
+
+    Attributes:
+        stride: sides are padded up to multiples of this.
+        image_order: the order in which the network sees the channels of images that `enhance`
+            gets, as the authors' stand-alone test feeds them.
     """
 
     stride: int = 1
+    image_order: ClassVar[Literal["rgb", "bgr"]] = "rgb"
 
     def __init__(
         self,
@@ -112,6 +118,7 @@ class NeuralEnhancer(Enhancer, ABC):
         device: str = "cpu",
         clamp: bool = True,
         channel_order: Literal["as_given", "rgb"] = "as_given",
+        quantise: Literal["round", "truncate"] = "round",
     ) -> None:
         """Build the network and load its weights.
 
@@ -121,10 +128,13 @@ class NeuralEnhancer(Enhancer, ABC):
             clamp: whether outputs are limited to 0..1; False gives the raw network output.
             channel_order: what `enhance_batch` feeds the network: "as_given", or "rgb" for
                 batches that come in BGR and are turned before and after the network.
+            quantise: how `enhance` makes 8-bit numbers: "round" to nearest, or "truncate" as some
+                authors' stand-alone tests do when they save.
         """
         super().__init__(device=device)
         self.clamp = clamp
         self.channel_order = channel_order
+        self.quantise: Literal["round", "truncate"] = quantise
         self.weights = find_weights(self.name, weights, self.card)
         model = self.build()
         load_weights(model, self.weights)
@@ -143,9 +153,10 @@ class NeuralEnhancer(Enhancer, ABC):
         return {}
 
     def enhance(self, image: Image, *, bgr: bool = False) -> Image:
-        """Enhance one image; see `Enhancer.enhance`. The network sees RGB."""
-        batch = image_to_batch(check_image(image), self.device, reverse=bgr)
-        return batch_to_image(self._run(batch), reverse=bgr)
+        """Enhance one image; see `Enhancer.enhance`. The network sees it in `image_order`."""
+        reverse = bgr != (self.image_order == "bgr")
+        batch = image_to_batch(check_image(image), self.device, reverse=reverse)
+        return batch_to_image(self._run(batch), reverse=reverse, quantise=self.quantise)
 
     def enhance_batch(self, batch: "torch.Tensor") -> "torch.Tensor":
         """Enhance a batch; see `Enhancer.enhance_batch`."""
@@ -159,32 +170,24 @@ class NeuralEnhancer(Enhancer, ABC):
         import torch
 
         check_batch(batch)
-        with torch.no_grad():
-            return self.forward_maps(pad_to_multiple(batch.to(self.device), self.stride))
+        with torch.no_grad(), explain_lack_of_memory(self.name, batch):
+            return self.forward_maps(self.pad(batch.to(self.device))[0])
+
+    def pad(self, batch: "torch.Tensor") -> "tuple[torch.Tensor, int, int]":
+        """Pad to sizes that the network takes; also the row and column where the batch begins."""
+        from nat2024.networks.padding import pad_to_multiple
+
+        return pad_to_multiple(batch, self.stride)
 
     def _run(self, batch: "torch.Tensor") -> "torch.Tensor":
         import torch
 
         height, width = batch.shape[-2:]
         # not inference_mode: what comes out may enter somebody's training
-        with torch.no_grad():
-            padded = pad_to_multiple(batch.to(self.device), self.stride)
-            enhanced = self.forward(padded)[..., :height, :width]
+        with torch.no_grad(), explain_lack_of_memory(self.name, batch):
+            padded, top, left = self.pad(batch.to(self.device))
+            enhanced = self.forward(padded)[..., top : top + height, left : left + width]
             return enhanced.clamp(0.0, 1.0) if self.clamp else enhanced.contiguous()
-
-
-def pad_to_multiple(batch: "torch.Tensor", multiple: int) -> "torch.Tensor":
-    """Pad right and bottom up to a multiple by reflection, axes too short for it by replication."""
-    import torch.nn.functional as F
-
-    for axis in (-1, -2):
-        size = batch.shape[axis]
-        extra = -size % multiple
-        if extra:
-            mode = "reflect" if extra < size else "replicate"
-            pads = (0, extra, 0, 0) if axis == -1 else (0, 0, 0, extra)
-            batch = F.pad(batch, pads, mode=mode)
-    return batch
 
 
 def load_weights(model: "torch.nn.Module", weights: Weights) -> None:

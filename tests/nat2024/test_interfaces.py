@@ -5,12 +5,10 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from hypothesis import given
-from hypothesis import strategies as st
 
 from nat2024.cards import Card
 from nat2024.errors import ArrayContract, InvalidOption
-from nat2024.interfaces import Enhancer, Tracker, check_start_box, pad_to_multiple
+from nat2024.interfaces import Enhancer, Tracker, check_start_box
 
 IMAGE = np.random.default_rng(0).integers(0, 256, (11, 7, 3), dtype=np.uint8)
 
@@ -59,20 +57,6 @@ def test_an_enhancer_without_maps_has_none() -> None:
     assert Halves().maps(torch.zeros(1, 3, 4, 4)) == {}
     with pytest.raises(ArrayContract):
         Halves().maps(torch.zeros(3, 4, 4))
-
-
-@given(st.integers(1, 40), st.integers(1, 40), st.sampled_from([1, 8, 12, 16]))
-def test_padding_reflects_or_replicates_and_keeps_the_image(h: int, w: int, multiple: int) -> None:
-    batch = torch.arange(h * w, dtype=torch.float32).reshape(1, 1, h, w)
-    padded = pad_to_multiple(batch, multiple)
-    assert padded.shape[-2] % multiple == 0
-    assert padded.shape[-1] % multiple == 0
-    assert torch.equal(padded[..., :h, :w], batch)
-    extra = padded.shape[-1] - w
-    if 0 < extra < w:
-        assert torch.equal(padded[..., :h, w], batch[..., w - 2])
-    elif extra:
-        assert torch.equal(padded[..., :h, -1], batch[..., -1])
 
 
 class Sees(Tracker):

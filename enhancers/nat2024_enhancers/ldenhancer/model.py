@@ -9,7 +9,6 @@ Images are float32 (N, 3, H, W), sides multiples of 16; feature maps are NCHW, t
 Names of modules are those of the official state dict.
 """
 
-from collections.abc import Iterator
 from typing import Literal, NamedTuple
 
 import torch
@@ -17,6 +16,7 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 from nat2024.errors import ArrayContract
+from nat2024.networks.bands import bands_of
 
 STRIDE = 16
 """How much smaller the feature maps are than the image."""
@@ -25,7 +25,6 @@ _FEATURES = 8
 _GROUP = 3  # one curve parameter for each colour
 _TABLE = 500
 _HALO = 5  # the estimation net's five 3x3 convolutions see this far
-_BAND_PIXELS = 1 << 17
 
 
 class Down(nn.Module):
@@ -254,7 +253,8 @@ class LDEnhancerNet(nn.Module):
         amounts = []
         enhanced = []
         # Bands of rows give the same numbers as the whole image, with a fraction of its memory.
-        for start, stop in self._bands(image):
+        count, _, height, width = image.shape
+        for start, stop in bands_of(count, height, width, stride=STRIDE):
             amount = self.content_estimation.rows(features.O1, start, stop)
             amount = amount - self.light_estimation.rows(features.O2, start, stop)
             amount = amount.contiguous()
@@ -282,13 +282,6 @@ class LDEnhancerNet(nn.Module):
         for step in amount.chunk(amount.shape[1] // _GROUP, dim=1):
             image = torch.addcmul(image, step, image * image - image, value=self.sign)
         return image
-
-    def _bands(self, image: Tensor) -> Iterator[tuple[int, int]]:
-        count, _, height, width = image.shape
-        # Training keeps every band for the gradient, so bands would save nothing there.
-        rows = height if torch.is_grad_enabled() else max(_BAND_PIXELS // (count * width), STRIDE)
-        for start in range(0, height, rows):
-            yield start, min(start + rows, height)
 
 
 def _check_sides(height: int, width: int) -> None:
