@@ -17,6 +17,7 @@ from torch import Tensor, nn
 
 from nat2024.errors import ArrayContract
 from nat2024.networks.bands import bands_of
+from nat2024.networks.convolving import convolve_pair
 
 STRIDE = 16
 """How much smaller the feature maps are than the image."""
@@ -182,21 +183,14 @@ class CurveEstimation(nn.Module):
         x1 = F.relu_(self.e_conv1(x.contiguous(memory_format=torch.channels_last)))
         x2 = F.relu_(self.e_conv2(x1))
         x3 = F.relu_(self.e_conv3(x2))
-        x4 = F.relu_(_convolve_pair(self.e_conv4, x2, x3))
-        return torch.tanh(_convolve_pair(self.e_conv5, x1, x4))
+        x4 = F.relu_(convolve_pair(self.e_conv4, x2, x3))
+        return torch.tanh(convolve_pair(self.e_conv5, x1, x4))
 
     def rows(self, x: Tensor, start: int, stop: int) -> Tensor:
         """Rows `start` to `stop` of what `forward` gives, computed from these rows and a halo."""
         above = max(start - _HALO, 0)
         parameters = self(x[..., above : stop + _HALO, :])
         return parameters[..., start - above : stop - above, :]  # type: ignore[no-any-return]
-
-
-def _convolve_pair(layer: nn.Conv2d, first: Tensor, second: Tensor) -> Tensor:
-    """What `layer` gives for the two inputs one after the other, without copying them together."""
-    of_first, of_second = layer.weight.chunk(2, dim=1)
-    answer = F.conv2d(first, of_first, layer.bias, padding=1)
-    return answer.add_(F.conv2d(second, of_second, padding=1))
 
 
 class Features(NamedTuple):
