@@ -11,7 +11,7 @@ import numpy as np
 
 from nat2024.cards import Card
 from nat2024.devices import check_device, explain_lack_of_memory
-from nat2024.errors import ArrayContract, InvalidOption
+from nat2024.errors import ArrayContract, InvalidOption, UsageError
 from nat2024.images import batch_to_image, check_batch, check_image, image_to_batch
 from nat2024.types import Box, Image
 from nat2024.zoo import Weights, WeightsSpec, find_weights, fit_state_dict, read_checkpoint
@@ -217,6 +217,7 @@ class Tracker(ABC):
     name: ClassVar[str] = ""
     card: ClassVar[Card]
     weights: Weights | None = None
+    _has_started: bool = False
 
     def __init__(
         self,
@@ -257,10 +258,21 @@ class Tracker(ABC):
                 size above zero that touch the image.
         """
         check_image(image)
-        return self.start(self._enhance_frame(image), check_start_box(box, image))
+        self._has_started = False
+        row = self.start(self._enhance_frame(image), check_start_box(box, image))
+        self._has_started = True
+        return row
 
     def update(self, image: Image) -> tuple[Box, float]:
-        """Follow the target into the next frame, uint8 (H, W, 3) BGR; gives (box, score)."""
+        """Follow the target into the next frame, uint8 (H, W, 3) BGR; gives (box, score).
+
+        Raises:
+            ArrayContract: the image is no image.
+            UsageError: there was no `init`, or it failed.
+        """
+        if not self._has_started:
+            msg = f"{self.name}: update before init; call init(image, box) on the first frame"
+            raise UsageError(msg)
         return self.advance(self._enhance_frame(check_image(image)))
 
     @abstractmethod

@@ -17,6 +17,7 @@ _VERBS = {
     "table": "Print scores as a paper's table, gains included.",
     "list": "Show trackers, enhancers and datasets.",
     "dataset": "Look at datasets, check them, make a small one.",
+    "new": "Begin an enhancer or a tracker of your own.",
 }
 
 

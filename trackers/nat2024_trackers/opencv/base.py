@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from nat2024.errors import NatBenchError, UsageError
+from nat2024.errors import NatBenchError
 from nat2024.interfaces import Tracker
 from nat2024.types import Box, Image
 
@@ -51,9 +51,6 @@ class OpenCVTracker(Tracker):
 
     def advance(self, image: Image) -> tuple[Box, float]:
         """Follow into the next image; where the tracker reports a loss the last box stays."""
-        if self._tracker is None:
-            msg = f"{self.name}: update before init; call init(image, box) on the first frame"
-            raise UsageError(msg)
         with explained(self.name):
             found, box = self._tracker.update(np.ascontiguousarray(image))
             score = self.confidence(self._tracker)
