@@ -44,6 +44,15 @@ plugin_option = click.option(
     metavar="FILE.py",
     help="A Python file (or module) that registers plugins; repeatable.",
 )
+weights_option = click.option(
+    "--weights", multiple=True, metavar="NAME[@LABEL]=PATH", help="A checkpoint; repeatable."
+)
+opts_option = click.option(
+    "--opt", "opts", multiple=True, metavar="NAME[@LABEL].KEY=VALUE", help="An option; repeatable."
+)
+device_option = click.option(
+    "--device", default="auto", show_default=True, help="cpu, cuda, cuda:N; auto takes CUDA if any."
+)
 protocol_option = click.option(
     "--protocol", default="pysot", show_default=True, help="Evaluation protocol."
 )
@@ -123,6 +132,15 @@ def read_plugin_options(texts: Iterable[str]) -> dict[str, dict[str, str]]:
             raise UsageError(msg)
         options.setdefault(plugin, {})[name] = value
     return options
+
+
+def choose_device(device: str) -> str:
+    """The device of `--device`: "auto" is CUDA where there is any."""
+    if device != "auto":
+        return device
+    import torch
+
+    return "cuda" if torch.cuda.is_available() else "cpu"
 
 
 def choose_protocol(name: str, texts: Iterable[str]) -> "Protocol":

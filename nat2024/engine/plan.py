@@ -111,14 +111,9 @@ def combine(
         UnknownPlugin, InvalidOption: as the registry says.
     """
     options, weights = options or {}, weights or {}
-    tracker_specs = _specs("tracker", trackers, options, weights)
-    enhancer_specs = _specs("enhancer", enhancers, options, weights)
-    titles = [spec.title for spec in (*tracker_specs, *enhancer_specs)]
-    for what, given in (("options", options), ("weights", weights)):
-        for title in given:
-            if title not in titles:
-                msg = f"{what} for {title}, which is not run{closest(title, titles)}"
-                raise UsageError(msg)
+    tracker_specs = plugin_specs("tracker", trackers, options, weights)
+    enhancer_specs = plugin_specs("enhancer", enhancers, options, weights)
+    refuse_unused((*tracker_specs, *enhancer_specs), options, weights)
     if scope:
         for spec in tracker_specs:
             if spec.options.get("scope", scope) != scope:
@@ -136,12 +131,31 @@ def combine(
     ]
 
 
-def _specs(
+def refuse_unused(
+    specs: Iterable[PluginSpec],
+    options: Mapping[str, Mapping[str, Any]],
+    weights: Mapping[str, str],
+) -> None:
+    """Raise `UsageError` where options or weights are given for something that is not run."""
+    titles = [spec.title for spec in specs]
+    for what, given in (("options", options), ("weights", weights)):
+        for title in given:
+            if title not in titles:
+                msg = f"{what} for {title}, which is not run{closest(title, titles)}"
+                raise UsageError(msg)
+
+
+def plugin_specs(
     kind: Kind,
     titles: Iterable[str],
     options: Mapping[str, Mapping[str, Any]],
     weights: Mapping[str, str],
 ) -> list[PluginSpec]:
+    """What is asked for by `NAME[@LABEL]`, each with its own options and weights.
+
+    Raises:
+        UsageError: one is neither `NAME` nor `NAME@LABEL`, or is named twice.
+    """
     specs: dict[str, PluginSpec] = {}
     for title in titles:
         try:
@@ -169,10 +183,10 @@ def describe(
     """The manifest of a created combination."""
     record = None
     if combination.enhancer is not None and enhancer is not None:
-        record = _record(combination.enhancer, enhancer)
+        record = plugin_record(combination.enhancer, enhancer)
     return Manifest(
         dataset=dataset,
-        tracker=_record(combination.tracker, tracker),
+        tracker=plugin_record(combination.tracker, tracker),
         enhancer=record,
         scope=tracker.scope,
         device=combination.device.partition(":")[0],
@@ -182,7 +196,8 @@ def describe(
     )
 
 
-def _record(spec: PluginSpec, plugin: Tracker | Enhancer) -> PluginRecord:
+def plugin_record(spec: PluginSpec, plugin: Tracker | Enhancer) -> PluginRecord:
+    """What a manifest keeps of a created plugin: its full resolved options and its weights."""
     options = resolve_options(type(plugin), spec.options)
     for key in [key for key, value in options.items() if value is None]:
         chosen = getattr(plugin, key, None)  # what the plugin made of "as you like"

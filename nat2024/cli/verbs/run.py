@@ -8,6 +8,7 @@ import click
 
 from nat2024.cli import options as shared
 from nat2024.cli.output import print_json
+from nat2024.cli.progress import ProgressBar
 from nat2024.cli.scoring import print_notes, print_scores
 from nat2024.errors import NatBenchError
 
@@ -41,20 +42,14 @@ SAMPLE = "night_mini"
 @shared.dataset_option
 @shared.root_option
 @shared.results_option
-@click.option(
-    "--weights", multiple=True, metavar="NAME[@LABEL]=PATH", help="A checkpoint; repeatable."
-)
-@click.option(
-    "--opt", "opts", multiple=True, metavar="NAME[@LABEL].KEY=VALUE", help="An option; repeatable."
-)
+@shared.weights_option
+@shared.opts_option
 @click.option(
     "--scope",
     type=click.Choice(["patch", "frame"]),
     help="Enhance the tracker's crops or the whole frame; left out, each tracker's own default.",
 )
-@click.option(
-    "--device", default="auto", show_default=True, help="cpu, cuda, cuda:N; auto takes CUDA if any."
-)
+@shared.device_option
 @click.option("--workers", type=int, default=1, show_default=True, help="Processes.")
 @click.option("--threads", type=int, default=1, show_default=True, help="Threads of each worker.")
 @click.option(
@@ -109,13 +104,13 @@ def command(
         options=shared.read_plugin_options(opts),
         weights=shared.read_pairs(weights, "--weights"),
         scope=scope,
-        device=_choose_device(device),
+        device=shared.choose_device(device),
     )
     source = dataset or SAMPLE
     if dataset is None:
         log.info("no --dataset given, taking the sample %s", SAMPLE)
     chosen = _load(source, root, sequences, lenient)
-    with _Progress(len(combinations) * sum(map(len, chosen))) as progress:
+    with ProgressBar(len(combinations) * sum(map(len, chosen))) as progress:
         report = run_benchmark(
             combinations,
             chosen,
@@ -129,14 +124,6 @@ def command(
         )
     _print(report, chosen, as_json)
     return 1 if report.failures else 0
-
-
-def _choose_device(device: str) -> str:
-    if device != "auto":
-        return device
-    import torch
-
-    return "cuda" if torch.cuda.is_available() else "cpu"
 
 
 def _load(source: str, root: Path | None, sequences: str | None, lenient: bool) -> "Dataset":
@@ -165,22 +152,3 @@ def _print(report: "BenchmarkReport", dataset: "Dataset", as_json: bool) -> None
         return
     print_notes(evaluations)
     print_scores(evaluations)
-
-
-class _Progress:
-    """A bar on a terminal, nothing elsewhere."""
-
-    def __init__(self, frames: int) -> None:
-        from tqdm import tqdm
-
-        self._bar = tqdm(total=frames, unit="frame", disable=None, dynamic_ncols=True)
-
-    def __enter__(self) -> "_Progress":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._bar.close()
-
-    def __call__(self, frames: int, what: str) -> None:
-        self._bar.set_description(what, refresh=False)
-        self._bar.update(frames)
