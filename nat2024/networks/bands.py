@@ -9,21 +9,29 @@ BAND_PIXELS = 1 << 17
 """About how many pixels a band has: its features stay near the processor."""
 
 
-def bands_of(count: int, height: int, width: int, *, stride: int = 1) -> Iterator[tuple[int, int]]:
+def bands_of(
+    count: int, height: int, width: int, *, stride: int = 1, pixels: int | None = None
+) -> Iterator[tuple[int, int]]:
     """First and last row (exclusive) of bands that cover `height` rows of `count` images.
 
-    Bands begin at multiples of `stride`. With gradients there is one band: training keeps the
-    features of every band, so that bands would save nothing.
+    Bands begin at multiples of `stride` and have about `pixels` pixels (`BAND_PIXELS` by default).
+    With gradients there is one band: training keeps the features of every band, so that bands
+    would save nothing.
     """
     rows = height
     if not torch.is_grad_enabled():
-        rows = max(BAND_PIXELS // (count * width) // stride, 1) * stride
+        rows = max((pixels or BAND_PIXELS) // (count * width) // stride, 1) * stride
     for start in range(0, height, rows):
         yield start, min(start + rows, height)
 
 
 def run_in_bands(
-    network: Callable[[Tensor], Tensor], image: Tensor, *, halo: int, stride: int = 1
+    network: Callable[[Tensor], Tensor],
+    image: Tensor,
+    *,
+    halo: int,
+    stride: int = 1,
+    pixels: int | None = None,
 ) -> Tensor:
     """What `network` gives for the whole image, computed band by band.
 
@@ -33,10 +41,12 @@ def run_in_bands(
         image: (N, C, H, W).
         halo: rows that the network sees above and below; a multiple of `stride`.
         stride: rows that the network handles as a unit, such as a window or a pooled pixel.
+        pixels: about how many pixels a band has, `BAND_PIXELS` by default. Larger bands compute
+            fewer rows of the halo twice, smaller ones stay nearer to the processor.
     """
     count, _, height, width = image.shape
     parts = []
-    for start, stop in bands_of(count, height, width, stride=stride):
+    for start, stop in bands_of(count, height, width, stride=stride, pixels=pixels):
         above = max(start - halo, 0)
         band = network(image[..., above : stop + halo, :])
         parts.append(band[..., start - above : stop - above, :])

@@ -27,3 +27,9 @@ def test_training_sees_one_band(monkeypatch):
     assert list(bands_of(1, 40, 40)) == [(0, 40)]
     with torch.no_grad():
         assert len(list(bands_of(1, 40, 40))) == 40
+
+
+def test_the_size_of_bands_can_be_chosen():
+    with torch.no_grad():
+        assert list(bands_of(1, 9, 10, pixels=40)) == [(0, 4), (4, 8), (8, 9)]
+        assert list(bands_of(2, 9, 10, pixels=40)) == [(0, 2), (2, 4), (4, 6), (6, 8), (8, 9)]
