@@ -18,6 +18,7 @@ from torch import Tensor, nn
 from nat2024.errors import ArrayContract
 from nat2024.networks.bands import bands_of
 from nat2024.networks.convolving import convolve_pair
+from nat2024.networks.folding import Derived, fold_batch_norm, may_derive
 
 STRIDE = 16
 """How much smaller the feature maps are than the image."""
@@ -36,10 +37,17 @@ class Down(nn.Module):
         self.conv = nn.Sequential(
             nn.Conv2d(inputs, outputs, 2, 2), nn.BatchNorm2d(outputs), nn.ReLU(inplace=True)
         )
+        self._folded = Derived(self, self._fold)
 
     def forward(self, x: Tensor) -> Tensor:
         """(N, inputs, H, W) to (N, outputs, H / 2, W / 2)."""
+        if may_derive(self):
+            return F.relu_(F.conv2d(x, *self._folded(), stride=2))
         return self.conv(x)  # type: ignore[no-any-return]
+
+    def _fold(self) -> tuple[Tensor, Tensor]:
+        layer, norm, _ = self.conv
+        return fold_batch_norm(layer, norm)  # type: ignore[arg-type]
 
 
 class Up(nn.Module):
@@ -52,10 +60,23 @@ class Up(nn.Module):
             nn.BatchNorm2d(outputs),
             nn.ReLU(inplace=True),
         )
+        self._folded = Derived(self, self._fold)
 
     def forward(self, x: Tensor) -> Tensor:
         """(N, inputs, H, W) to (N, outputs, 2 H, 2 W)."""
-        return self.upsample(x)  # type: ignore[no-any-return]
+        if not may_derive(self):
+            return self.upsample(x)  # type: ignore[no-any-return]
+        # Every pixel becomes 2 x 2 pixels of its own: a product of matrices, channels last.
+        matrix, bias = self._folded()
+        count, inputs, height, width = x.shape
+        pixels = torch.addmm(bias, x.permute(0, 2, 3, 1).reshape(-1, inputs), matrix).relu_()
+        blocks = pixels.view(count, height, width, 2, 2, -1).transpose(2, 3)
+        return blocks.reshape(count, 2 * height, 2 * width, -1).permute(0, 3, 1, 2)
+
+    def _fold(self) -> tuple[Tensor, Tensor]:
+        layer, norm, _ = self.upsample
+        weight, bias = fold_batch_norm(layer, norm)  # type: ignore[arg-type]
+        return weight.permute(0, 2, 3, 1).flatten(1).contiguous(), bias.repeat(4)
 
 
 class Encoder(nn.Module):
@@ -176,6 +197,7 @@ class CurveEstimation(nn.Module):
         self.e_conv3 = nn.Conv2d(16, 16, 3, padding=1)
         self.e_conv4 = nn.Conv2d(32, 16, 3, padding=1)
         self.e_conv5 = nn.Conv2d(32, outputs, 3, padding=1)
+        self._prepared = Derived(self, self._prepare)
 
     def forward(self, x: Tensor) -> Tensor:
         """(N, 3, H, W) to (N, outputs, H, W)."""
@@ -186,11 +208,48 @@ class CurveEstimation(nn.Module):
         x4 = F.relu_(convolve_pair(self.e_conv4, x2, x3))
         return torch.tanh(convolve_pair(self.e_conv5, x1, x4))
 
-    def rows(self, x: Tensor, start: int, stop: int) -> Tensor:
-        """Rows `start` to `stop` of what `forward` gives, computed from these rows and a halo."""
-        above = max(start - _HALO, 0)
-        parameters = self(x[..., above : stop + _HALO, :])
-        return parameters[..., start - above : stop - above, :]  # type: ignore[no-any-return]
+    def sigmoids(self, x: Tensor, start: int, stop: int) -> Tensor:
+        """Rows `start` to `stop` of (1 + `forward`) / 2, for inference: tanh a = 2 sigmoid 2a - 1.
+
+        A sigmoid takes a fifth of the time of a tanh on a CPU.
+        """
+        first, second, third, fourth, fourth_more, fifth, fifth_more = self._prepared()
+        band = _Band(above=start > 0, below=stop < x.shape[-2])
+        x = x[..., max(start - _HALO, 0) : stop + _HALO, :]
+        x1 = F.relu_(band.convolve(x.contiguous(memory_format=torch.channels_last), first))
+        x2 = F.relu_(band.convolve(x1, second))
+        x3 = F.relu_(band.convolve(x2, third))
+        x4 = band.convolve(band.cut(x2, 1), fourth)
+        x4 = F.relu_(x4.add_(band.convolve(x3, fourth_more)))
+        last = band.convolve(band.cut(x1, 3), fifth)
+        return last.add_(band.convolve(x4, fifth_more)).sigmoid_()
+
+    def _prepare(self) -> list[tuple[Tensor, Tensor | None]]:
+        prepared: list[tuple[Tensor, Tensor | None]] = []
+        for layer in (self.e_conv1, self.e_conv2, self.e_conv3, self.e_conv4, self.e_conv5):
+            factor = 2 if layer is self.e_conv5 else 1
+            bias: Tensor | None = layer.bias * factor if layer.bias is not None else None
+            for weight in (layer.weight * factor).split(16, dim=1):
+                prepared.append((weight.contiguous(memory_format=torch.channels_last), bias))
+                bias = None
+        return prepared
+
+
+class _Band(NamedTuple):
+    """Rows of an image that goes on above or below them, and is zero beyond its ends."""
+
+    above: bool
+    below: bool
+
+    def cut(self, x: Tensor, rows: int) -> Tensor:
+        """`x` without this many rows at the sides where the image goes on."""
+        return x[..., rows * self.above : x.shape[-2] - rows * self.below, :]
+
+    def convolve(self, x: Tensor, layer: tuple[Tensor, Tensor | None]) -> Tensor:
+        """3x3 convolution, one row shorter at the sides where the image goes on."""
+        inside = self.above and self.below
+        convolved = F.conv2d(x, *layer, padding=(0 if inside else 1, 1))
+        return convolved if inside else self.cut(convolved, 1)
 
 
 class Features(NamedTuple):
@@ -243,18 +302,12 @@ class LDEnhancerNet(nn.Module):
         Raises:
             ArrayContract: a side is no multiple of 16 or above 8000 pixels.
         """
+        if may_derive(self):
+            return self._infer(image)
         features = self._features(image)
-        amounts = []
-        enhanced = []
-        # Bands of rows give the same numbers as the whole image, with a fraction of its memory.
-        count, _, height, width = image.shape
-        for start, stop in bands_of(count, height, width, stride=STRIDE):
-            amount = self.content_estimation.rows(features.O1, start, stop)
-            amount = amount - self.light_estimation.rows(features.O2, start, stop)
-            amount = amount.contiguous()
-            enhanced.append(self._iterate(image[..., start:stop, :], amount))
-            amounts.append(amount)
-        return torch.cat(enhanced, dim=-2), features.O2, torch.cat(amounts, dim=-2)
+        amount = self.content_estimation(features.O1) - self.light_estimation(features.O2)
+        amount = amount.contiguous()
+        return self._iterate(image, amount), features.O2, amount
 
     def maps(self, image: Tensor) -> dict[str, Tensor]:
         """All intermediate maps of an image by their names in the paper; see `forward`."""
@@ -271,6 +324,24 @@ class LDEnhancerNet(nn.Module):
         content_image = self.upsamplenet_content(attended)
         light_image = self.upsamplenet_light(light)
         return Features(mixed, light, attended, content_image, light_image)
+
+    def _infer(self, image: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """What `forward` gives, band by band: the same numbers with a fraction of the memory."""
+        features = self._features(image)
+        count, _, height, width = image.shape
+        channels = self.content_estimation.e_conv5.out_channels
+        amount = image.new_empty((count, channels, height, width))
+        enhanced = image.clone(memory_format=torch.contiguous_format)
+        for start, stop in bands_of(count, height, width, stride=STRIDE):
+            rows = slice(start, stop)
+            content = self.content_estimation.sigmoids(features.O1, start, stop)
+            content -= self.light_estimation.sigmoids(features.O2, start, stop)
+            band = enhanced[..., rows, :]
+            halves = amount[..., rows, :].copy_(content)
+            for step in halves.split(_GROUP, dim=1):
+                band.addcmul_(step, band * band - band, value=2 * self.sign)
+            halves.mul_(2)
+        return enhanced, features.O2, amount
 
     def _iterate(self, image: Tensor, amount: Tensor) -> Tensor:
         for step in amount.chunk(amount.shape[1] // _GROUP, dim=1):
