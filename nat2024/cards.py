@@ -1,5 +1,6 @@
 """Typed cards: what a plugin is, whose work it is, and where its weights are to be had."""
 
+import re
 from importlib.resources import files
 from typing import Literal
 
@@ -15,7 +16,10 @@ class WeightsFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         bytes: size, 0 where not known.
         where: where a person gets it.
         licence: licence of the file; "none stated" forbids shipping it.
-        note: which epoch, variant or option it belongs to.
+        note: which epoch, variant or option it belongs to; where it begins with `variant NAME`,
+            the file belongs to that variant only.
+        bundled: where the file lies if it comes with a package, as `PACKAGE/FILE`, such as
+            `my_package.net/bundled/small.safetensors`.
     """
 
     name: str
@@ -24,6 +28,28 @@ class WeightsFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     sha256: str = ""
     bytes: int = 0
     note: str = ""
+    bundled: str = ""
+
+    @property
+    def variant(self) -> str:
+        """The only variant that the file belongs to; empty where its note names none."""
+        match = re.match(r"variant ([A-Za-z0-9_]+)", self.note)
+        return match[1] if match else ""
+
+
+class NetworkFacts(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """One network of a plugin; a plugin with variants may have several.
+
+    Attributes:
+        variant: the value of the option `variant` that builds it; empty where there are none.
+        parameters, macs, template_macs, keys: as in `Card`.
+    """
+
+    variant: str = ""
+    parameters: int = 0
+    macs: int = 0
+    template_macs: int = 0
+    keys: tuple[str, ...] = ()
 
 
 class Card(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -39,7 +65,14 @@ class Card(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
         needs_weights: whether the plugin runs only with weights.
         parameters: trainable numbers in the network, 0 where it has none.
         macs: multiply-accumulates of convolutions, linear layers and attention products (no
-            elementwise work) for one 256x256 image, or for one search crop of a tracker.
+            elementwise work) for one 256x256 image; of a tracker for one search crop through
+            backbone, neck and the whole head, as the authors' code computes it in every frame.
+        template_macs: the same for the template crop of a tracker through backbone and neck.
+        keys: a few entries of its state dict, as `KEY (SHAPE)`, that together tell a checkpoint of
+            this network from those of all others.
+        variant: the variant that `parameters`, `macs`, `template_macs` and `keys` are of; empty
+            where there are no variants, or where all share one network.
+        variants: the networks of the other variants.
         published: results that the authors or the reference paper publish, a line each.
         colour_order: what the network sees from trackers and from images.
         size_rule: how sizes that the network cannot take are handled.
@@ -58,6 +91,10 @@ class Card(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
     needs_weights: bool = False
     parameters: int = 0
     macs: int = 0
+    template_macs: int = 0
+    keys: tuple[str, ...] = ()
+    variant: str = ""
+    variants: tuple[NetworkFacts, ...] = ()
     published: tuple[str, ...] = ()
     colour_order: str = ""
     size_rule: str = ""
@@ -65,6 +102,18 @@ class Card(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
     repeatable: bool = True
     state: str = ""
     differences: tuple[str, ...] = ()
+
+    @property
+    def networks(self) -> tuple[NetworkFacts, ...]:
+        """All networks, the default one first; none for methods without a network."""
+        default = NetworkFacts(
+            self.variant, self.parameters, self.macs, self.template_macs, self.keys
+        )
+        return (default, *self.variants) if self.parameters else ()
+
+    def published_file(self, sha256: str) -> WeightsFile | None:
+        """The published weights file that has this digest."""
+        return next((f for f in self.weights if f.sha256 and f.sha256 == sha256), None)
 
 
 def read_card(package: str, name: str = "card.toml") -> Card:

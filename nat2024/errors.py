@@ -76,5 +76,15 @@ class WeightsMismatch(NatBenchError):
     """A checkpoint that does not fit the network, or that is not safe to load."""
 
 
+class WrongNetwork(WeightsMismatch):
+    """A checkpoint of another network.
+
+    Attributes:
+        entries: what the checkpoint holds, as `KEY SHAPE` texts; tells what it is of.
+    """
+
+    entries: frozenset[str] = frozenset()
+
+
 class ResultConflict(NatBenchError):
     """A results folder that was made with other options, weights or scope."""

@@ -3,6 +3,7 @@
 Entry points are listed without importing anything; a plugin is imported when it is chosen.
 """
 
+import contextlib
 import hashlib
 import importlib
 import importlib.metadata
@@ -26,10 +27,12 @@ from nat2024.errors import (
     InvalidOption,
     NatBenchError,
     UnknownPlugin,
+    WrongNetwork,
 )
+from nat2024.files import expand
 from nat2024.interfaces import BatchEnhancer, Enhancer, Tracker
 from nat2024.types import closest
-from nat2024.zoo import WeightsSpec
+from nat2024.zoo import WeightsSpec, find_registered, recognise, sha256_of
 
 Kind: TypeAlias = Literal["tracker", "enhancer"]
 _BASES: dict[Kind, type] = {"tracker": Tracker, "enhancer": Enhancer}
@@ -233,7 +236,8 @@ def create_enhancer(
     Args:
         name: a registered name, such as "ldenhancer" or "none".
         weights: a checkpoint path, False for fresh initial weights, None for what the user
-            registered or the package bundles.
+            registered (with the options that it was registered for, unless others are given) or
+            the package bundles.
         device: "cpu", "cuda", "cuda:1".
         options: the plugin's own options.
 
@@ -242,8 +246,7 @@ def create_enhancer(
             line that says what to do.
     """
     cls = load_plugin(name, "enhancer")
-    arguments = {**_weights_argument(cls, weights), **resolve_options(cls, options)}
-    created: Enhancer = _create(cls, device=device, **arguments)
+    created: Enhancer = _create(cls, device=device, **_arguments(cls, weights, options))
     return created
 
 
@@ -274,7 +277,7 @@ def create_tracker(
     elif enhancer is not None and not isinstance(enhancer, BatchEnhancer):
         msg = f"enhancer must be a name or have enhance_batch, not {type(enhancer).__name__}"
         raise InvalidOption(msg)
-    arguments = {**_weights_argument(cls, weights), **resolve_options(cls, options)}
+    arguments = _arguments(cls, weights, options)
     created: Tracker = _create(cls, enhancer=enhancer, device=device, **arguments)
     return created
 
@@ -282,11 +285,49 @@ def create_tracker(
 def _create(cls: type[Any], **arguments: Any) -> Any:
     try:
         return cls(**arguments)
+    except WrongNetwork as error:
+        raise _with_its_name(error, cls, arguments) from None
     except NatBenchError:
         raise
     except (Exception, SystemExit) as error:  # a foreign plugin may fail in any way
         msg = f"{cls.name} cannot be created: {type(error).__name__}: {error}"
         raise BrokenPlugin(msg) from error
+
+
+def _with_its_name(
+    error: WrongNetwork, cls: type[Any], arguments: Mapping[str, Any]
+) -> WrongNetwork:
+    """The same error, saying also which plugin's checkpoint it is where a card knows it."""
+    weights = getattr(arguments.get("weights"), "path", arguments.get("weights"))
+    path = expand(weights) if weights else Path()
+    digest = sha256_of(path) if path.is_file() else ""
+    variant = str(arguments.get("variant") or "")
+    what = recognise(error.entries, digest, _cards(), name=cls.name, variant=variant)
+    named = WrongNetwork(f"{error}; {what}" if what else str(error))
+    named.entries = error.entries
+    return named
+
+
+def _cards() -> dict[str, Card]:
+    """Cards of all plugins that can be imported, by name."""
+    cards = {}
+    for name, entry in sorted(_entries().items()):
+        with contextlib.suppress(BrokenPlugin):
+            cards[name] = load_plugin(name, entry.kind).card
+    return cards
+
+
+def plugin_kind(name: str) -> Kind:
+    """Whether a name is a tracker or an enhancer.
+
+    Raises:
+        UnknownPlugin: it is neither; names the closest.
+    """
+    entries = _entries()
+    if name not in entries:
+        msg = f"unknown plugin {name!r}{closest(name, entries)}; `nat-bench list` shows all"
+        raise UnknownPlugin(msg)
+    return entries[name].kind
 
 
 def takes_weights(cls: type) -> bool:
@@ -296,6 +337,17 @@ def takes_weights(cls: type) -> bool:
         for base in cls.__mro__
         if "__init__" in base.__dict__ and base is not object
     )
+
+
+def _arguments(cls: type[Any], weights: WeightsSpec, given: Mapping[str, Any]) -> dict[str, Any]:
+    """Weights and options of a plugin; registered weights bring the options they belong to."""
+    options = resolve_options(cls, given)
+    if weights is None and takes_weights(cls):
+        chosen = {key: options[key] for key in given if options[key] is not None}
+        weights = find_registered(cls.name, cls.card, chosen, options)
+        if weights is not None:
+            options = resolve_options(cls, {**weights.options, **chosen})
+    return {**_weights_argument(cls, weights), **options}
 
 
 def _weights_argument(cls: type, weights: WeightsSpec) -> dict[str, WeightsSpec]:

@@ -16,6 +16,14 @@ def shared() -> Path:
     return SHARED
 
 
+@pytest.fixture(scope="session", autouse=True)
+def no_registered_weights(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Keeps the weights that the developer has registered out of the tests."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("NAT2024_WEIGHTS", str(tmp_path_factory.mktemp("registered")))
+        yield
+
+
 @pytest.fixture(scope="session")
 def night_clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A dataset of three rendered sequences, 8 frames of 160x96; `wide` has a wide target."""

@@ -15,8 +15,11 @@ _VERBS = {
     "run": "Track a dataset with every tracker and enhancer named.",
     "eval": "Score stored results.",
     "table": "Print scores as a paper's table, gains included.",
+    "enhance": "Enhance images, videos or whole datasets, without a tracker.",
     "list": "Show trackers, enhancers and datasets.",
+    "weights": "Register weights files, so that plugins find them.",
     "dataset": "Look at datasets, check them, make a small one.",
+    "track": "Track an object in your own video, camera or stream.",
     "new": "Begin an enhancer or a tracker of your own.",
 }
 

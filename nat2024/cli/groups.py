@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from importlib import import_module
+from keyword import iskeyword
 from typing import Any
 
 import click
@@ -31,7 +32,8 @@ class Verbs(click.Group):
         """Import the module of a verb."""
         if name not in self.verbs:
             return None
-        command: click.Command = import_module(f"{self.package}.{name}").command
+        module = f"{name}_" if iskeyword(name) else name  # `import` is no name for a module
+        command: click.Command = import_module(f"{self.package}.{module}").command
         return command
 
     def resolve_command(

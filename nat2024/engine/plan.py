@@ -198,7 +198,8 @@ def describe(
 
 def plugin_record(spec: PluginSpec, plugin: Tracker | Enhancer) -> PluginRecord:
     """What a manifest keeps of a created plugin: its full resolved options and its weights."""
-    options = resolve_options(type(plugin), spec.options)
+    implied = plugin.weights.options if plugin.weights else {}  # by registered weights
+    options = resolve_options(type(plugin), {**implied, **spec.options})
     for key in [key for key, value in options.items() if value is None]:
         chosen = getattr(plugin, key, None)  # what the plugin made of "as you like"
         options[key] = chosen if isinstance(chosen, bool | int | float | str) else None

@@ -1,14 +1,26 @@
 """Weights: which file a network gets, and how checkpoints are read without running their code."""
 
-from nat2024.zoo.checkpoints import StateDict, fit_state_dict, read_checkpoint
-from nat2024.zoo.weights import Weights, WeightsSpec, find_weights, sha256_of
+from nat2024.zoo.checkpoints import StateDict, entries_of, fit_state_dict, read_checkpoint
+from nat2024.zoo.recognition import recognise
+from nat2024.zoo.weights import (
+    Weights,
+    WeightsSpec,
+    bundled_path,
+    find_registered,
+    find_weights,
+    sha256_of,
+)
 
 __all__ = [
     "StateDict",
     "Weights",
     "WeightsSpec",
+    "bundled_path",
+    "entries_of",
+    "find_registered",
     "find_weights",
     "fit_state_dict",
     "read_checkpoint",
+    "recognise",
     "sha256_of",
 ]

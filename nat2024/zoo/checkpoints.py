@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from nat2024.errors import WeightsMismatch, WeightsMissing
+from nat2024.errors import WeightsMismatch, WeightsMissing, WrongNetwork
 
 if TYPE_CHECKING:
     import torch
@@ -24,6 +24,9 @@ def read_checkpoint(path: str | Path) -> StateDict:
         WeightsMismatch: unreadable, unsafe, or no state dict in it.
     """
     path = Path(path)
+    if path.is_dir():
+        msg = f"{path}: is a folder; name the checkpoint file in it"
+        raise WeightsMismatch(msg)
     if not path.is_file():
         msg = f"{path}: no such weights file"
         raise WeightsMissing(msg)
@@ -94,7 +97,7 @@ def fit_state_dict(
     tried, as pysot does for bare backbones.
 
     Raises:
-        WeightsMismatch: keys are missing or shapes differ; names them.
+        WrongNetwork: keys are missing or shapes differ; names them.
     """
     if not state.keys() & expected.keys():
         prefixed = {f"features.{key}": value for key, value in state.items()}
@@ -113,7 +116,7 @@ def fit_state_dict(
         )
         if unknown:
             msg += f", {len(unknown)} are unknown ({_some(unknown)})"
-        raise WeightsMismatch(msg)
+        raise _wrong_network(msg, state)
     fitting = {key: state[key] for key in expected if key in state}
     wrong = [
         f"{key} is {tuple(value.shape)}, expected {tuple(expected[key].shape)}"
@@ -122,8 +125,19 @@ def fit_state_dict(
     ]
     if wrong:
         msg = f"{source}: not a checkpoint of this network: {_some(wrong)}"
-        raise WeightsMismatch(msg)
+        raise _wrong_network(msg, state)
     return fitting
+
+
+def entries_of(state: StateDict) -> frozenset[str]:
+    """Keys and shapes of a state dict as `KEY (SHAPE)` texts, as `Card.keys` has some."""
+    return frozenset(f"{key} {tuple(value.shape)}" for key, value in state.items())
+
+
+def _wrong_network(message: str, state: StateDict) -> WrongNetwork:
+    error = WrongNetwork(message)
+    error.entries = entries_of(state)
+    return error
 
 
 def _some(names: list[str], count: int = 3) -> str:

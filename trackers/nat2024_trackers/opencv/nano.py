@@ -1,5 +1,6 @@
 """The tracker `opencv_nano`: OpenCV's TrackerNano over the published ONNX files of NanoTrack."""
 
+import dataclasses
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -91,7 +92,12 @@ class OpenCVNano(OpenCVTracker):
             names.append(file.name if file else "")
         digest = sha256_of(self.files.backbone, self.files.head)
         known_as = " and ".join(names) if all(names) else ""
-        return Weights(found.path, found.origin, digest, known_as)
+        return dataclasses.replace(
+            found,
+            sha256=digest,
+            known_as=known_as,
+            files=(self.files.backbone, self.files.head),
+        )
 
     def _try_out(self) -> None:
         """One frame through both networks, so that a wrong file is told at creation."""
