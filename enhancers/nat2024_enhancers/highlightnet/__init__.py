@@ -1,0 +1,1 @@
+"""HighlightNet: raises the brightness of each pixel to an estimated power (IROS 2022)."""
