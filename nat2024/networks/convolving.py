@@ -15,7 +15,8 @@ def convolve_pair(layer: nn.Conv2d, first: Tensor, second: Tensor) -> Tensor:
         first: (N, C1, H, W).
         second: (N, C2, H, W), with C1 + C2 input channels of the layer.
     """
-    of_first, of_second = layer.weight.split([first.shape[1], second.shape[1]], dim=1)
+    inputs = first.shape[1]
+    of_first, of_second = layer.weight[:, :inputs], layer.weight[:, inputs:]
     answer = F.conv2d(first, of_first, layer.bias, layer.stride, layer.padding, layer.dilation)
     more = F.conv2d(second, of_second, None, layer.stride, layer.padding, layer.dilation)
     return answer.add_(more)

@@ -67,9 +67,10 @@ class DarkLighterNet(nn.Module):
 
 def _adjust(image: Tensor, light: Tensor, noise: Tensor) -> Tensor:
     # All steps together are x * scale - shift with the same scale and shift for every colour.
-    scale = light[:, :1]
-    shift = noise[:, :1] * scale
-    for gain, offset in zip(light[:, 1:].split(1, 1), noise[:, 1:].split(1, 1), strict=True):
+    scale, *gains = light.unbind(dim=1)
+    first, *offsets = noise.unbind(dim=1)
+    shift = first * scale
+    for gain, offset in zip(gains, offsets, strict=True):
         scale = scale * gain
         shift = (shift + offset) * gain
-    return image * scale - shift
+    return image * scale.unsqueeze(1) - shift.unsqueeze(1)

@@ -86,10 +86,11 @@ class DCEppNet(nn.Module):
 
     def _reduced_curve(self, image: Tensor) -> Tensor:
         """x_r at the size that the convolutions see."""
-        _check_sides(*image.shape[-2:], self.scale_factor)
+        height, width = image.shape[-2:]
+        _check_sides(height, width, self.scale_factor)
         if self.scale_factor > 1:
-            height, width = (side // self.scale_factor for side in image.shape[-2:])
-            image = F.interpolate(image, size=(height, width), mode="bilinear")
+            size = (height // self.scale_factor, width // self.scale_factor)
+            image = F.interpolate(image, size=size, mode="bilinear")
         return run_in_bands(self._estimate, image, halo=_HALO)
 
     def _estimate(self, image: Tensor) -> Tensor:

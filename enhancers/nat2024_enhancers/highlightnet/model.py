@@ -138,7 +138,7 @@ def _convolve_rest(x: Tensor, layer: nn.Conv2d, part: Tensor) -> Tensor:
 
 
 def _adjust(image: Tensor, value: Tensor, mask: Tensor, levels: Tensor) -> Tensor:
-    l_g, l_b = levels[..., None, None].split(1, dim=1)
+    l_g, l_b = (level[:, None, None, None] for level in levels.unbind(dim=1))
     power = torch.pow(0.1 * l_g + 0.2, mask)
     brightened = torch.pow(value.clamp(_SMALLEST, 1 - _SMALLEST), power)
     cut = 400 * torch.pow(0.04 * l_b + 0.06 - value, 3)
