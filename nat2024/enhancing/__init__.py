@@ -8,6 +8,8 @@ from nat2024.enhancing.running import (
     Failure,
     Observation,
     Observer,
+    count_images,
+    create_enhancers,
     enhance_images,
 )
 from nat2024.enhancing.sources import ImageItem, Source, VideoItem, find_source
@@ -24,6 +26,8 @@ __all__ = [
     "Source",
     "VideoItem",
     "compute_maps",
+    "count_images",
+    "create_enhancers",
     "enhance_images",
     "enhance_unrounded",
     "find_source",

@@ -62,8 +62,8 @@ def _alpha(data: bytes) -> npt.NDArray[np.uint8] | None:
     whole = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     if whole is None or whole.ndim != 3 or whole.shape[2] != 4:
         return None
-    alpha = whole[..., 3]
-    return np.asarray(alpha >> 8 if alpha.dtype == np.uint16 else alpha, dtype=np.uint8)
+    alpha = np.ascontiguousarray(whole[..., 3])
+    return (alpha // 256 if alpha.dtype == np.uint16 else alpha).astype(np.uint8)
 
 
 def encode_picture(image: Image, like: Picture, extension: str, quality: int) -> bytes:

@@ -198,10 +198,9 @@ def enhance_images(
     """
     found = source if isinstance(source, Source) else find_source(source)
     options, weights, out = options or {}, weights or {}, Path(out)
-    specs = plugin_specs("enhancer", enhancers, options, weights)
-    refuse_unused(specs, options, weights)
-    _check(found, out, specs, device, quality)
-    made = [_create(spec, device) for spec in specs]
+    specs = _specs(enhancers, options, weights)
+    _check(found, out, specs, quality)
+    made = _create(specs, device)
     jobs = []
     for spec, enhancer in zip(specs, made, strict=True):
         record = _record(found, spec, enhancer, device, feed, quality, frames_only)
@@ -241,18 +240,41 @@ def _length(item: Item) -> int:
         return 1
 
 
-def _create(spec: PluginSpec, device: str) -> Enhancer:
-    return create_enhancer(spec.name, weights=spec.weights, device=device, **spec.options)
+def create_enhancers(
+    enhancers: Iterable[str],
+    *,
+    options: Mapping[str, Mapping[str, Any]] | None = None,
+    weights: Mapping[str, str] | None = None,
+    device: str = "cpu",
+) -> dict[str, Enhancer]:
+    """The enhancers by `NAME[@LABEL]`; arguments and errors as of `enhance_images`."""
+    specs = _specs(enhancers, options or {}, weights or {})
+    titles = (spec.title for spec in specs)
+    return dict(zip(titles, _create(specs, device), strict=True))
 
 
-def _check(source: Source, out: Path, specs: list[PluginSpec], device: str, quality: int) -> None:
+def _specs(
+    enhancers: Iterable[str],
+    options: Mapping[str, Mapping[str, Any]],
+    weights: Mapping[str, str],
+) -> list[PluginSpec]:
+    specs = plugin_specs("enhancer", enhancers, options, weights)
+    refuse_unused(specs, options, weights)
     if not specs:
         msg = "name at least one enhancer"
         raise UsageError(msg)
+    return specs
+
+
+def _create(specs: Iterable[PluginSpec], device: str) -> list[Enhancer]:
+    check_device(device)
+    return [create_enhancer(s.name, weights=s.weights, device=device, **s.options) for s in specs]
+
+
+def _check(source: Source, out: Path, specs: list[PluginSpec], quality: int) -> None:
     if not 1 <= quality <= 100:
         msg = f"quality must be in 1..100, not {quality}"
         raise UsageError(msg)
-    check_device(device)
     given, place = source.path.resolve(), out.resolve()
     if os.path.lexists(out) and not out.is_dir():
         msg = f"--out {out} is no folder; choose another one"

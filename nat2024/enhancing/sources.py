@@ -178,7 +178,8 @@ def _dataset(
     """Where the dataset lies; None where the input is another thing."""
     registered = isinstance(given, str) and is_registered(given)
     if not registered and path_kind(path) == "absent":
-        near = closest(str(given), list_datasets())
+        name = str(given).lower().replace("-", "_")
+        near = "" if {"/", ".", os.sep} & set(name) else closest(name, list_datasets())
         msg = f"{given}: no such image, video, folder or registered dataset{near}"
         raise DatasetNotFound(msg)
     is_one_file = path_kind(path) == "file" and not (is_archive(path) or is_annotation_file(path))

@@ -17,6 +17,7 @@ from nat2024_reports.style import (
     VERMILION,
     figure_style,
     new_figure,
+    plain_text,
 )
 
 if TYPE_CHECKING:
@@ -65,7 +66,7 @@ def length_figure(lengths: "pd.Series[Any]") -> "Figure":
         axes = figure.add_subplot()
         ordered = lengths.sort_values(kind="stable")
         axes.barh(np.arange(len(ordered)), ordered.to_numpy(), color=BLUE, height=0.7)
-        axes.set_yticks(np.arange(len(ordered)), [_plain(name) for name in ordered.index])
+        axes.set_yticks(np.arange(len(ordered)), [plain_text(name) for name in ordered.index])
         axes.tick_params(axis="y", length=0)
         axes.set_xlabel("Frames")
         axes.grid(axis="x")
@@ -199,7 +200,7 @@ def _contact_sheet(frames: Sequence[FirstFrame]) -> "Figure":
             axes.set_axis_off()
         for axes, frame in zip(panels, frames, strict=False):
             axes.imshow(frame.image, interpolation="antialiased")
-            axes.set_title(_plain(frame.name), fontsize=6, pad=2)
+            axes.set_title(plain_text(frame.name), fontsize=6, pad=2)
             if frame.box is not None:
                 x, y, w, h = frame.box
                 line: dict[str, Any] = {"fill": False, "edgecolor": "red", "linewidth": 0.9}
@@ -307,12 +308,3 @@ def _mark(axes: "Axes", value: float, label: str) -> None:
             "fontsize": 7,
         }
         axes.annotate(label, (value, 1.0), (3 if right else -3, -1), **style)
-
-
-def _plain(name: str) -> str:
-    """A name in which matplotlib sees no formula, with `?` for what its font does not have."""
-    from matplotlib.font_manager import findfont, get_font
-
-    known = get_font(findfont("DejaVu Sans")).get_charmap()
-    shown = "".join(letter if ord(letter) in known else "?" for letter in name)
-    return shown.replace("$", r"\$")

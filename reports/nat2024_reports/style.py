@@ -75,3 +75,12 @@ def save_figure(figure: "Figure", folder: Path, name: str) -> tuple[Path, Path]:
         figure.savefig(pdf, metadata={"CreationDate": None, "Creator": None, "Producer": None})
         figure.savefig(png, metadata={"Software": None})
     return pdf, png
+
+
+def plain_text(name: str) -> str:
+    """A name in which matplotlib sees no formula, with `?` for what its font does not have."""
+    from matplotlib.font_manager import findfont, get_font
+
+    known = get_font(findfont("DejaVu Sans")).get_charmap()
+    shown = "".join(letter if ord(letter) in known else "?" for letter in name)
+    return shown.replace("$", r"\$")

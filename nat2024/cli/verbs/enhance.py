@@ -1,19 +1,20 @@
 """`nat-bench enhance`: images, videos and datasets through enhancers, without a tracker."""
 
-import logging
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+import msgspec
 
 from nat2024.cli import options as shared
+from nat2024.cli.enhancing import picture_options, read_picture_options, write_maps, write_pictures
 from nat2024.cli.output import print_json
 from nat2024.cli.progress import ProgressBar
 
 if TYPE_CHECKING:
     from nat2024.enhancing import EnhancementReport
 
-log = logging.getLogger("nat2024")
+_LINES = 8
 
 
 @click.command()
@@ -64,6 +65,7 @@ log = logging.getLogger("nat2024")
     help="Of images stored as JPEG.",
 )
 @click.option("--frames", "frames_only", is_flag=True, help="A video's frames as PNG, no video.")
+@picture_options
 @shared.plugin_option
 @shared.json_option
 @shared.messages
@@ -84,6 +86,7 @@ def command(
     frames_only: bool,
     plugins: tuple[str, ...],
     as_json: bool,
+    **pictures: Any,
 ) -> int:
     """Enhance INPUT: an image, a folder of images, a video, or a dataset.
 
@@ -91,8 +94,9 @@ def command(
     What is there already is kept, so the same command goes on where it was stopped. An image that
     fails is named, and the others go on.
     """
-    from nat2024.enhancing import enhance_images, find_source
+    from nat2024.enhancing import count_images, create_enhancers, enhance_images, find_source
 
+    wanted = read_picture_options(**pictures)
     shared.load_plugins(plugins)
     titles = _split(enhancers)
     found = find_source(
@@ -103,20 +107,26 @@ def command(
         every=every,
         limit=limit,
     )
-    with ProgressBar(len(titles) * sum(map(len, found.items)), "image") as progress:
+    asked: dict[str, Any] = {
+        "options": shared.read_plugin_options(opts),
+        "weights": shared.read_pairs(weights, "--weights"),
+        "device": shared.choose_device(device),
+    }
+    with ProgressBar(len(titles) * count_images(found), "image") as progress:
         report = enhance_images(
             found,
             titles,
             out,
-            options=shared.read_plugin_options(opts),
-            weights=shared.read_pairs(weights, "--weights"),
-            device=shared.choose_device(device),
             feed=feed,
             quality=quality,
             frames_only=frames_only,
             progress=progress,
+            **asked,
         )
-    _print(report, as_json)
+    drawn = write_pictures(wanted, found, out, titles)
+    if wanted.maps:
+        drawn += write_maps(wanted, found, out, create_enhancers(titles, **asked), feed)
+    _print(report, drawn, as_json)
     return 1 if report.failures else 0
 
 
@@ -124,12 +134,17 @@ def _split(texts: tuple[str, ...]) -> list[str]:
     return [part.strip() for text in texts for part in text.split(",") if part.strip()]
 
 
-def _print(report: "EnhancementReport", as_json: bool) -> None:
+def _print(report: "EnhancementReport", drawn: list[Path], as_json: bool) -> None:
     if as_json:
-        print_json(report)
+        document: dict[str, Any] = msgspec.to_builtins(report)
+        print_json({**document, "pictures": [str(path) for path in drawn]})
         return
     for one in report.enhancers:
         parts = [f"{one.written} images written"]
         parts += [f"{one.finished_before} finished before"] if one.finished_before else []
         parts += [f"{one.failed} failed"] if one.failed else []
         click.echo(f"{one.folder}: {', '.join(parts)}")
+    for path in [path for path in drawn if path.suffix != ".csv"][:_LINES]:
+        click.echo(str(path))
+    if len(drawn) > 2 * _LINES:
+        click.echo(f"and more, {len(drawn)} files of pictures and their numbers")

@@ -1,0 +1,276 @@
+"""Pictures of what `nat-bench enhance` did: their options, and computing, drawing, storing them."""
+
+import logging
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+from nat2024.errors import NatBenchError, UsageError
+
+if TYPE_CHECKING:
+    from nat2024.enhancing import Source
+    from nat2024.enhancing.showing import Chosen, Inset
+    from nat2024.interfaces import Enhancer
+    from nat2024.types import Image
+
+_Function = TypeVar("_Function", bound=Callable[..., Any])
+
+SHOWN = 8
+"""Images that pictures show, unless told otherwise."""
+
+_THUMBNAIL = 400, 600  # pixels, at least what a column of a sheet is drawn with
+_log = logging.getLogger("nat2024")
+
+
+@dataclass(frozen=True, slots=True)
+class Pictures:
+    """Which pictures are wanted; see the options.
+
+    Attributes:
+        sheet: file of the contact sheet.
+        strip: file of the comparison strip.
+        strip_image: name of its image, None takes the first that is shown.
+        insets: what it enlarges, empty chooses.
+        maps: whether the maps of networks are drawn.
+        show: how many images a sheet, and the maps, show at most; 0 for all.
+    """
+
+    sheet: Path | None = None
+    strip: Path | None = None
+    strip_image: str | None = None
+    insets: tuple["Inset", ...] = ()
+    maps: bool = False
+    show: int = SHOWN
+
+
+def picture_options(function: _Function) -> _Function:
+    """Add the options that `read_picture_options` reads."""
+    file = click.Path(path_type=Path, dir_okay=False)
+    for option in reversed(
+        (
+            click.option("--sheet", type=file, help="Contact sheet, a .png, .jpg or .pdf file."),
+            click.option("--strip", type=file, help="One image with enlarged insets, likewise."),
+            click.option("--strip-image", metavar="NAME", help="Image of the strip; the first."),
+            click.option(
+                "--inset",
+                "insets",
+                multiple=True,
+                metavar="X,Y,W,H",
+                help="Part that the strip enlarges, in pixels; repeatable. Left out, the brightest "
+                "lamp and a dark part with much detail.",
+            ),
+            click.option("--maps", is_flag=True, help="Draw the maps of networks to OUT/maps/."),
+            click.option(
+                "--show",
+                type=click.IntRange(0),
+                default=SHOWN,
+                show_default=True,
+                metavar="N",
+                help="Images in the sheet and of the maps, evenly chosen; 0 takes all.",
+            ),
+        )
+    ):
+        function = option(function)
+    return function
+
+
+def read_picture_options(
+    sheet: Path | None,
+    strip: Path | None,
+    strip_image: str | None,
+    insets: Sequence[str],
+    maps: bool,
+    show: int,
+) -> Pictures:
+    """Check the options before anything is enhanced.
+
+    Raises:
+        UsageError: a file of another kind, no numbers, or options that need another.
+    """
+    from nat2024_reports.enhancement_figures import ENDINGS
+
+    for option, path in (("--sheet", sheet), ("--strip", strip)):
+        if path is not None and path.suffix.lower() not in ENDINGS:
+            msg = f"{option} {path}: expected a file that ends in {', '.join(ENDINGS)}"
+            raise UsageError(msg)
+    if strip is None and (insets or strip_image is not None):
+        msg = "--inset and --strip-image belong to --strip FILE"
+        raise UsageError(msg)
+    return Pictures(sheet, strip, strip_image, tuple(map(_read_inset, insets)), maps, show)
+
+
+def _read_inset(text: str) -> "Inset":
+    try:
+        x, y, w, h = (int(part) for part in text.split(","))
+    except ValueError:
+        msg = f"--inset {text!r}: expected four whole numbers X,Y,W,H in pixels"
+        raise UsageError(msg) from None
+    return x, y, w, h
+
+
+def write_pictures(
+    wanted: Pictures, source: "Source", out: Path, titles: Sequence[str]
+) -> list[Path]:
+    """Draw the sheet and the strip from what lies in `out`, with their numbers beside.
+
+    Returns:
+        The files.
+    """
+    from nat2024.enhancing.showing import choose_images, find_image
+
+    columns = [title for title in titles if title != "none"]  # the input stands there already
+    chosen = choose_images(source, wanted.show)
+    written: list[Path] = []
+    if wanted.sheet is not None and chosen:
+        written += _write_sheet(wanted.sheet, chosen, out, columns)
+    if wanted.strip is not None and chosen:
+        name = wanted.strip_image
+        one = chosen[0] if name is None else find_image(source, name)
+        written += _write_strip(wanted.strip, one, wanted.insets, out, columns)
+    return written
+
+
+def _read_all(
+    chosen: "Chosen", out: Path, columns: Sequence[str]
+) -> "list[tuple[str, Image | None]]":
+    """The input and what each enhancer stored, by heading."""
+    from nat2024.enhancing.showing import read_stored
+
+    item, index = chosen
+    try:
+        before = item.read(index).image
+    except NatBenchError:  # the run has told of it
+        return [("input", None), *((column, None) for column in columns)]
+    return [("input", before), *((column, read_stored(out / column, chosen)) for column in columns)]
+
+
+def _write_sheet(
+    path: Path, chosen: "Sequence[Chosen]", out: Path, columns: Sequence[str]
+) -> list[Path]:
+    from nat2024.enhancing.showing import light_numbers, thumbnail
+    from nat2024_reports.enhancement_figures import SheetRow, contact_sheet
+
+    rows, numbers = [], []
+    for one in chosen:
+        item, index = one
+        name = item.title(index)
+        images: list[Any] = []
+        for heading, image in _read_all(one, out, columns):
+            if image is None:
+                images.append(None)
+                continue
+            images.append(_rgb(thumbnail(image, *_THUMBNAIL)))
+            numbers.append({"image": name, "column": heading, **light_numbers(image)})
+        rows.append(SheetRow(name, images))
+    return _write(path, contact_sheet(["input", *columns], rows), numbers)
+
+
+def _write_strip(
+    path: Path, chosen: "Chosen", insets: "Sequence[Inset]", out: Path, columns: Sequence[str]
+) -> list[Path]:
+    from nat2024.enhancing.showing import check_inset, choose_insets, light_numbers
+    from nat2024_reports.enhancement_figures import comparison_strip
+
+    item, index = chosen
+    there = [(h, image) for h, image in _read_all(chosen, out, columns) if image is not None]
+    if not there or there[0][0] != "input":
+        _log.error("no strip: %s cannot be read", item.title(index))
+        return []
+    before = there[0][1]
+    shown = [check_inset(one, before) for one in insets] or list(choose_insets(before))
+    numbers = [
+        {
+            "image": item.title(index),
+            "column": heading,
+            **dict(zip("xywh", (x, y, w, h), strict=True)),
+            **light_numbers(image[y : y + h, x : x + w]),
+        }
+        for heading, image in there
+        for x, y, w, h in shown
+    ]
+    headings = [heading for heading, _ in there]
+    figure = comparison_strip(headings, [_rgb(image) for _, image in there], shown)
+    return _write(path, figure, numbers)
+
+
+def write_maps(
+    wanted: Pictures, source: "Source", out: Path, enhancers: "dict[str, Enhancer]", feed: Any
+) -> list[Path]:
+    """Draw the maps of the images that are shown: `OUT/maps/ENHANCER/IMAGE/MAP.png`.
+
+    An image that fails is named, and the others go on. An enhancer without maps is named too.
+    """
+    from nat2024.enhancing.feeding import compute_maps
+    from nat2024.enhancing.running import MAPS_FOLDER
+    from nat2024.enhancing.showing import choose_images
+
+    written: list[Path] = []
+    for title, enhancer in enhancers.items():
+        for item, index in choose_images(source, wanted.show):
+            name = item.title(index)
+            try:
+                maps, order = compute_maps(enhancer, item.read(index).image, feed)
+            except NatBenchError as error:
+                _log.error("%s, maps of %s: %s", title, name, error)
+                continue
+            if not maps:
+                _log.info("%s has no maps", title)
+                break
+            written += _write_maps(out / MAPS_FOLDER / title / name.replace(" ", "_"), maps, order)
+    return written
+
+
+def _write_maps(folder: Path, maps: dict[str, Any], order: str) -> list[Path]:
+    from nat2024.files import write_atomic
+    from nat2024_reports.enhancement_figures import channel_labels, figure_bytes, maps_figure
+
+    written, numbers = [], []
+    for name, values in maps.items():
+        path = folder / f"{name}.png"
+        write_atomic(path, figure_bytes(maps_figure(name, values, order), path.suffix))
+        written.append(path)
+        for label, channel in zip(channel_labels(len(values), order), values, strict=True):
+            numbers.append(
+                {
+                    "map": name,
+                    "channel": label,
+                    "min": float(channel.min()),
+                    "mean": float(channel.mean(dtype="float64")),
+                    "max": float(channel.max()),
+                    "deviation": float(channel.std(dtype="float64")),
+                }
+            )
+    write_atomic(folder / "maps.csv", _csv(numbers))
+    return [*written, folder / "maps.csv"]
+
+
+def _write(path: Path, figure: Any, numbers: list[dict[str, Any]]) -> list[Path]:
+    from nat2024.files import write_atomic
+    from nat2024_reports.enhancement_figures import figure_bytes
+
+    beside = path.with_suffix(".csv")
+    write_atomic(path, figure_bytes(figure, path.suffix))
+    write_atomic(beside, _csv(numbers))
+    return [path, beside]
+
+
+def _csv(rows: list[dict[str, Any]]) -> str:
+    import csv
+    import io
+
+    text = io.StringIO()
+    writer = csv.DictWriter(text, list(rows[0]) if rows else [], lineterminator="\n")
+    writer.writeheader()
+    for row in rows:
+        numbers = {k: f"{v:.6g}" if isinstance(v, float) else v for k, v in row.items()}
+        writer.writerow(numbers)
+    return text.getvalue()
+
+
+def _rgb(image: "Image") -> "Image":
+    import numpy as np
+
+    return np.ascontiguousarray(image[..., ::-1])
