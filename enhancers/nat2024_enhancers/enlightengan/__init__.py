@@ -1,0 +1,1 @@
+"""EnlightenGAN: a generator with self-attention, trained without pairs (TIP 2021)."""

@@ -1,0 +1,1 @@
+"""RUAS: retinex-inspired unrolling with a searched architecture (CVPR 2021)."""

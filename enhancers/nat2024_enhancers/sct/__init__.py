@@ -1,0 +1,1 @@
+"""SCT: curves from a spatial-channel transformer (RA-L 2022)."""
