@@ -65,8 +65,9 @@ class Card(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
         needs_weights: whether the plugin runs only with weights.
         parameters: trainable numbers in the network, 0 where it has none.
         macs: multiply-accumulates of convolutions, linear layers and attention products (no
-            elementwise work) for one 256x256 image; of a tracker for one search crop through
-            backbone, neck and the whole head, as the authors' code computes it in every frame.
+            elementwise work) for one 256x256 image with the default options; of a tracker for one
+            search crop through backbone, neck and the whole head, as the authors' code computes it
+            in every frame.
         template_macs: the same for the template crop of a tracker through backbone and neck.
         keys: a few entries of its state dict, as `KEY (SHAPE)`, that together tell a checkpoint of
             this network from those of all others.
@@ -109,7 +110,7 @@ class Card(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
         default = NetworkFacts(
             self.variant, self.parameters, self.macs, self.template_macs, self.keys
         )
-        return (default, *self.variants) if self.parameters else ()
+        return (default, *self.variants) if self.parameters or self.keys else ()
 
     def published_file(self, sha256: str) -> WeightsFile | None:
         """The published weights file that has this digest."""
@@ -120,3 +121,53 @@ def read_card(package: str, name: str = "card.toml") -> Card:
     """Read a card from a file inside `package`."""
     raw = files(package).joinpath(name).read_bytes()
     return msgspec.toml.decode(raw, type=Card)
+
+
+def describe_card(card: Card) -> dict[str, tuple[str, ...]]:
+    """What a card says, as lines of text under their headings; empty headings are left out."""
+    found = {
+        "Paper": (card.paper,),
+        "Authors' code": (card.code,),
+        "Licence of the code": (card.code_licence,),
+        "Network": tuple(_describe_network(network) for network in card.networks),
+        "Weights": tuple(_describe_file(file) for file in card.weights),
+        "Colour order": (card.colour_order,),
+        "Sizes": (card.size_rule,),
+        "Default scope": (card.scopes[0],) if card.scopes else (),
+        "Repeatable": () if card.repeatable else ("no",),
+        "State": (card.state,),
+        "Published": card.published,
+        "Paper, official code, and this one": card.differences,
+    }
+    return {heading: lines for heading, lines in found.items() if any(lines)}
+
+
+def short_count(count: int) -> str:
+    """A large number in three to four digits, such as 33.52 k or 1.723 G; empty for 0."""
+    if not count:
+        return ""
+    for size, letter in ((1e9, "G"), (1e6, "M"), (1e3, "k")):
+        if count >= size:
+            return f"{count / size:.4g} {letter}"
+    return str(count)
+
+
+def _describe_network(network: NetworkFacts) -> str:
+    if not network.parameters:
+        return ""
+    variant = f"variant {network.variant}: " if network.variant else ""
+    text = f"{variant}{network.parameters:,} parameters"
+    if network.template_macs:
+        text += (
+            f", {short_count(network.macs)} multiply-accumulates a search crop, "
+            f"{short_count(network.template_macs)} the template"
+        )
+    elif network.macs:
+        text += f", {short_count(network.macs)} multiply-accumulates for a 256x256 image"
+    return text
+
+
+def _describe_file(file: WeightsFile) -> str:
+    text = f"{file.name} ({file.note})" if file.note else file.name
+    text += f", {file.where}; licence: {file.licence}"
+    return f"{text}; sha256 {file.sha256}" if file.sha256 else text

@@ -29,6 +29,7 @@ class ToneCurve(NeuralEnhancer):
         title="Tone curve",
         summary="Looks every value up in one fixed curve for each channel.",
         needs_weights=True,
+        keys=("curve (3, 256)",),
         colour_order="as fed: R, G, B of images, B, G, R of trackers' crops "
         "(channel_order=rgb turns them)",
         size_rule="any size",

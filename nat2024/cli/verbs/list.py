@@ -1,10 +1,12 @@
 """`nat-bench list`: what there is to run."""
 
 import importlib.metadata
+import textwrap
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from nat2024.cards import Card, describe_card, short_count
 from nat2024.cli import options as shared
 from nat2024.cli.output import print_json, print_table
 
@@ -24,6 +26,7 @@ _OPENCV = (
 @click.option("--trackers", is_flag=True, help="Only trackers.")
 @click.option("--enhancers", is_flag=True, help="Only enhancers.")
 @click.option("--datasets", is_flag=True, help="Only datasets.")
+@click.option("--card", "cards", is_flag=True, help="All that is known of each plugin.")
 @shared.plugin_option
 @shared.json_option
 @shared.messages
@@ -32,6 +35,7 @@ def command(
     trackers: bool,
     enhancers: bool,
     datasets: bool,
+    cards: bool,
     plugins: tuple[str, ...],
     as_json: bool,
 ) -> None:
@@ -43,21 +47,62 @@ def command(
         found["trackers"] = _plugins("tracker", pattern)
     if enhancers or everything:
         found["enhancers"] = _plugins("enhancer", pattern)
-    if datasets or everything:
+    if datasets or (everything and not cards):
         found["datasets"] = _datasets(pattern)
     _warn_of_two_opencvs()
     if as_json:
         print_json(found)
         return
     for kind, rows in found.items():
-        columns = ("name", "title", "needs", "state")
-        lines = [[str(row[column]) for column in columns] for row in rows]
-        print_table([c.capitalize() for c in columns], lines, title=kind.capitalize(), words=4)
+        if kind == "datasets":
+            columns = ("name", "title", "needs", "state")
+            lines = [[row[column] for column in columns] for row in rows]
+            headings = [column.capitalize() for column in columns]
+            print_table(headings, lines, title="Datasets", words=4)
+        elif cards:
+            for row in rows:
+                _print_card(row)
+        else:
+            print_table(_HEADINGS, map(_cells, rows), title=kind.capitalize(), words=5)
+
+
+_HEADINGS = ("Name", "Title", "State", "Weights", "Their licence", "Parameters", "MACs")
+
+
+def _cells(row: dict[str, Any]) -> list[str]:
+    """One line of the table of trackers or enhancers."""
+    card: Card | None = row["card"]
+    if card is None:
+        return [row["name"], "", row["state"], "", "", "", ""]
+    licences = dict.fromkeys(file.licence for file in card.weights)
+    counts = [short_count(card.parameters), short_count(card.macs)]
+    state = textwrap.shorten(card.state, 60, placeholder=" ...")  # --card shows all of it
+    origin = row["weights"].partition(":")[0]
+    return [row["name"], card.title, state, origin, ", ".join(licences), *counts]
+
+
+def _print_card(row: dict[str, Any]) -> None:
+    card: Card | None = row["card"]
+    if card is None:
+        click.echo(f"{row['name']}: {row['state']}\n")
+        return
+    click.echo(f"{row['name']}: {card.title}")
+    facts = {"": (card.summary,), **describe_card(card)}
+    options = tuple(f"{key}={value}" for key, value in row["options"].items())
+    facts |= {"Options": options, "Weights at hand": (row["weights"],)}
+    for heading, lines in facts.items():
+        if heading and any(lines):
+            click.echo(f"  {heading}:")
+        for line in filter(None, lines):
+            indent = "    " if heading else "  "
+            click.echo(textwrap.fill(line, 98, initial_indent=indent, subsequent_indent=indent))
+    click.echo()
 
 
 def _plugins(kind: "Kind", pattern: str) -> list[dict[str, Any]]:
     from nat2024.errors import BrokenPlugin
     from nat2024.registry import list_plugins, load_plugin, plugin_options
+    from nat2024.weights import describe_weights_at_hand
 
     rows: list[dict[str, Any]] = []
     for name in list_plugins(kind, pattern):
@@ -65,13 +110,14 @@ def _plugins(kind: "Kind", pattern: str) -> list[dict[str, Any]]:
             cls = load_plugin(name, kind)
         except BrokenPlugin as error:
             broken = {"name": name, "title": "", "needs": "", "state": f"broken: {error}"}
-            rows.append({**broken, "options": {}, "card": None})
+            rows.append({**broken, "weights": "", "options": {}, "card": None})
             continue
         card = cls.card
         options = {key: _plain(option.default) for key, option in plugin_options(cls).items()}
         needs = "weights" if card.needs_weights else ""
         row = {"name": name, "title": card.title, "needs": needs, "state": card.state}
-        rows.append({**row, "options": options, "card": card})
+        weights = describe_weights_at_hand(name, card)
+        rows.append({**row, "weights": weights, "options": options, "card": card})
     return rows
 
 
