@@ -5,6 +5,8 @@ adapters make N x M combinations.
 """
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
@@ -18,6 +20,8 @@ from nat2024.zoo import Weights, WeightsSpec, find_weights, fit_state_dict, read
 
 if TYPE_CHECKING:
     import torch
+
+    from nat2024.zoo import StateDict
 
 Scope: TypeAlias = Literal["patch", "frame"]
 """What is enhanced: the tracker's template and search crops, or the whole frame."""
@@ -137,12 +141,21 @@ class NeuralEnhancer(Enhancer, ABC):
         self.quantise: Literal["round", "truncate"] = quantise
         self.weights = find_weights(self.name, weights, self.card)
         model = self.build()
-        load_weights(model, self.weights)
+        load_weights(model, self.weights, self.read_state)
         self.model: torch.nn.Module = model.to(device).eval()
 
     @abstractmethod
     def build(self) -> "torch.nn.Module":
         """The network, with the official checkpoint's keys and shapes."""
+
+    def read_state(self, path: Path) -> "StateDict":
+        """Read the state dict of a weights file; a subclass may know more forms of files.
+
+        Raises:
+            WeightsMissing: no such file.
+            WeightsMismatch: unreadable, unsafe, or no state dict in it.
+        """
+        return read_checkpoint(path)
 
     @abstractmethod
     def forward(self, batch: "torch.Tensor") -> "torch.Tensor":
@@ -190,15 +203,19 @@ class NeuralEnhancer(Enhancer, ABC):
             return enhanced.clamp(0.0, 1.0) if self.clamp else enhanced.contiguous()
 
 
-def load_weights(model: "torch.nn.Module", weights: Weights) -> None:
-    """Load `weights` into `model`; nothing for fresh weights.
+def load_weights(
+    model: "torch.nn.Module",
+    weights: Weights,
+    read: "Callable[[Path], StateDict]" = read_checkpoint,
+) -> None:
+    """Load `weights` into `model` as `read` gives them; nothing for fresh weights.
 
     Raises:
         WeightsMismatch: the file is unsafe, unreadable or of another network.
     """
     if weights.path is None:
         return
-    state = read_checkpoint(weights.path)
+    state = read(weights.path)
     fitting = fit_state_dict(state, model.state_dict(), str(weights.path))
     model.load_state_dict({**model.state_dict(), **fitting})
 
