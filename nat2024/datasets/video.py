@@ -251,6 +251,16 @@ def _decode_all(path: Path) -> VideoIndex:
     return VideoIndex(width, height, stated, tuple(times), tuple(checksums))
 
 
+def open_video(path: Path) -> "cv2.VideoCapture":
+    """Open a video file to be decoded in order, rotation in its metadata ignored.
+
+    Raises:
+        FrameUnreadable: it is no mp4, mov, avi, webm or mkv, or cannot be decoded; names it.
+    """
+    _check_container(path)
+    return _open(path)
+
+
 def _open(path: Path) -> "cv2.VideoCapture":
     """Open with FFmpeg, which all wheels of OpenCV carry; on one thread it decodes alike always."""
     import cv2

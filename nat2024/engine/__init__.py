@@ -1,7 +1,7 @@
 """Running trackers and enhancers over sequences; scoring reads the files that this writes."""
 
 from nat2024.engine.benchmark import BenchmarkReport, Failure, run_benchmark
-from nat2024.engine.one_pass import track_sequence
+from nat2024.engine.one_pass import track_frame, track_sequence
 from nat2024.engine.plan import Combination, PluginSpec, combine
 
 __all__ = [
@@ -11,5 +11,6 @@ __all__ = [
     "PluginSpec",
     "combine",
     "run_benchmark",
+    "track_frame",
     "track_sequence",
 ]

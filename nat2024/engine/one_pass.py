@@ -78,7 +78,9 @@ def _track(
             where = f"frame {index + 1} of {len(sequence)}"
             first_box = None if index else sequence.boxes[0]
             try:
-                boxes[index], seconds[index] = _step(tracker, image, first_box, start)
+                waited = now() - start
+                boxes[index], _, spent = track_frame(tracker, image, first_box)
+                seconds[index] = waited, *spent
             except NatBenchError as error:
                 msg = f"{where}: {error}{_other_size(image, shape)}"
                 raise type(error)(msg) from error
@@ -90,20 +92,34 @@ def _track(
     return Track(boxes, seconds, tuple(skipped))
 
 
-def _step(
-    tracker: Tracker, image: Image, first_box: Box | None, start: float
-) -> tuple[Box, Floats]:
-    """One frame: its box, and the seconds of each stage since `start`."""
+def track_frame(
+    tracker: Tracker, image: Image, first_box: Box | None = None
+) -> tuple[Box, float, Floats]:
+    """Start on `first_box`, or follow where it is None.
+
+    Returns:
+        Box (4,); score, NaN for the start; seconds (2,) of enhancing and tracking.
+
+    Raises:
+        ArrayContract: the tracker's answer is no box.
+    """
     timed = tracker.enhancer if isinstance(tracker.enhancer, TimedEnhancer) else None
+    if timed:
+        timed.take()  # what was enhanced before, to warm up, belongs to no frame
     ready = now(tracker.device)
-    given = tracker.update(image)[0] if first_box is None else tracker.init(image, first_box)
+    score = float("nan")
+    given: object
+    if first_box is None:
+        given, score = tracker.update(image)
+    else:
+        given = tracker.init(image, first_box)
     done = now(tracker.device)
     box = np.asarray(given, dtype=np.float64)
     if box.shape != (4,):
         msg = f"{tracker.name} gave a box of shape {box.shape}, expected (4,)"
         raise ArrayContract(msg)
     enhance = timed.take() if timed else 0.0
-    return box, np.array([ready - start, enhance, done - ready - enhance])
+    return box, float(score), np.array([enhance, done - ready - enhance])
 
 
 def _other_size(image: Image, first: tuple[int, ...]) -> str:
