@@ -1,5 +1,6 @@
 """Pictures of what `nat-bench enhance` did: their options, and computing, drawing, storing them."""
 
+import contextlib
 import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -8,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from nat2024.errors import NatBenchError, UsageError
+from nat2024.errors import FrameUnreadable, NatBenchError, UsageError
 
 if TYPE_CHECKING:
     from nat2024.enhancing import Source
@@ -111,25 +112,58 @@ def _read_inset(text: str) -> "Inset":
     return x, y, w, h
 
 
+def choose_strip(wanted: Pictures, source: "Source") -> "Chosen | None":
+    """The image of the strip, None where no strip is wanted or there is nothing to show.
+
+    Raises:
+        UsageError: the input has no such image, or an inset does not lie in it.
+    """
+    from nat2024.enhancing.showing import check_inset, choose_images, find_image
+
+    if wanted.strip is None:
+        return None
+    if wanted.strip_image is not None:
+        item, index = find_image(source, wanted.strip_image)
+    else:
+        chosen = choose_images(source, wanted.show)
+        if not chosen:
+            return None
+        item, index = chosen[0]
+    if wanted.insets:
+        with contextlib.suppress(FrameUnreadable):  # the run will tell of it
+            image = item.read(index).image
+            for inset in wanted.insets:
+                check_inset(inset, image)
+    return item, index
+
+
 def write_pictures(
-    wanted: Pictures, source: "Source", out: Path, titles: Sequence[str]
+    wanted: Pictures,
+    source: "Source",
+    strip: "Chosen | None",
+    out: Path,
+    titles: Sequence[str],
 ) -> list[Path]:
     """Draw the sheet and the strip from what lies in `out`, with their numbers beside.
+
+    Args:
+        wanted: which.
+        source: the input.
+        strip: from `choose_strip`.
+        out: where the enhanced images lie.
+        titles: of the enhancers.
 
     Returns:
         The files.
     """
-    from nat2024.enhancing.showing import choose_images, find_image
+    from nat2024.enhancing.showing import choose_images
 
     columns = [title for title in titles if title != "none"]  # the input stands there already
-    chosen = choose_images(source, wanted.show)
     written: list[Path] = []
-    if wanted.sheet is not None and chosen:
+    if wanted.sheet is not None and (chosen := choose_images(source, wanted.show)):
         written += _write_sheet(wanted.sheet, chosen, out, columns)
-    if wanted.strip is not None and chosen:
-        name = wanted.strip_image
-        one = chosen[0] if name is None else find_image(source, name)
-        written += _write_strip(wanted.strip, one, wanted.insets, out, columns)
+    if wanted.strip is not None and strip is not None:
+        written += _write_strip(wanted.strip, strip, wanted.insets, out, columns)
     return written
 
 
@@ -171,7 +205,7 @@ def _write_sheet(
 def _write_strip(
     path: Path, chosen: "Chosen", insets: "Sequence[Inset]", out: Path, columns: Sequence[str]
 ) -> list[Path]:
-    from nat2024.enhancing.showing import check_inset, choose_insets, light_numbers
+    from nat2024.enhancing.showing import choose_insets, light_numbers
     from nat2024_reports.enhancement_figures import comparison_strip
 
     item, index = chosen
@@ -180,7 +214,7 @@ def _write_strip(
         _log.error("no strip: %s cannot be read", item.title(index))
         return []
     before = there[0][1]
-    shown = [check_inset(one, before) for one in insets] or list(choose_insets(before))
+    shown = insets or choose_insets(before)
     numbers = [
         {
             "image": item.title(index),

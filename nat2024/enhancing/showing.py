@@ -23,6 +23,7 @@ Chosen: TypeAlias = tuple[Item, int]
 _INSET_SHARE = 0.22  # side of an inset by the shorter side of the image
 _SMALLEST_INSET = 8
 _DARK, _SATURATED = 0.05, 0.98
+_LAMP = 0.4  # luma from which a pixel counts as lit by itself
 
 
 def choose_images(source: Source, count: int) -> list[Chosen]:
@@ -141,10 +142,13 @@ def choose_insets(image: Image) -> tuple[Inset, ...]:
 
 
 def _detail(light: Floats, mean: Floats, w: int, h: int) -> Floats:
-    """How much there is to see in dark windows: spread of the logarithm; -1 in bright ones."""
-    stops = np.log2(light + 1 / 64)  # noise in black counts little
-    variance = _window_means(stops**2, w, h) - _window_means(stops, w, h) ** 2
-    return np.where(mean <= np.quantile(mean, 0.6), variance, -1.0)
+    """How much there is to see in each dark window: mean slope in stops; -1 where a lamp is in."""
+    stops = np.log2(light + 1 / 32)  # noise in black counts little
+    down, right = np.gradient(stops) if min(light.shape) > 1 else (stops * 0, stops * 0)
+    slope = _window_means(np.hypot(down, right), w, h)
+    lamps = _window_means((light > _LAMP).astype(np.float64), w, h)
+    dark = (mean <= np.quantile(mean, 0.6)) & (lamps <= np.quantile(lamps, 0.3) + 1e-9)
+    return np.where(dark, slope, -1.0)
 
 
 def _window_means(values: Floats, w: int, h: int) -> Floats:

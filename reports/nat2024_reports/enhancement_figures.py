@@ -37,6 +37,8 @@ _MARGIN = 0.05
 _CELL = 1.5  # inches, the least width of a column
 _FLAT, _TALL = 0.15, 1.5  # cells are no flatter and no taller by their width
 _PANEL_PIXELS = 400
+_OUTLIER = 1.25  # values further out than the usual ones by this do not stretch the scale
+_BAR = 0.6
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,8 +124,9 @@ def maps_figure(title: str, values: npt.NDArray[np.float32], order: str = "RGB")
     """The channels of one map, all on one colour scale that the bar states.
 
     Maps with values below 0 are coloured around 0 (blue below, red above), all others from 0 up.
-    A map of three channels without negative values is also shown as a picture, divided by its
-    largest value. Channels in multiples of three are taken for iterations of three colours.
+    Where few values lie far out, the scale ends at the 99.5th percentile and the bar has arrows.
+    A map of three channels without negative values is also shown as a picture, divided by the end
+    of the scale. Channels in multiples of three are taken for iterations of three colours.
 
     Args:
         title: name of the map.
@@ -133,13 +136,14 @@ def maps_figure(title: str, values: npt.NDArray[np.float32], order: str = "RGB")
     values = np.nan_to_num(np.asarray(values, dtype=np.float32))
     signed = bool((values < 0).any())
     most = float(np.abs(values).max(initial=0.0)) or 1.0
-    limit = float(np.percentile(np.abs(values), 99.5)) or most
-    panels, columns = _panels(values, order, signed=signed, most=most)
+    usual = float(np.percentile(np.abs(values), 99.5))
+    limit = usual if most > _OUTLIER * usual > 0 else most
+    panels, columns = _panels(values, order, signed=signed, limit=limit)
     rows = -(-len(panels) // columns)
     aspect = min(max(values.shape[-2] / values.shape[-1], _FLAT), _TALL)
-    width = (PAGE - 2 * _MARGIN - 0.7) / max(columns, 3) - _GAP
+    width = (PAGE - 2 * _MARGIN - _BAR) / max(columns, 3) - _GAP
     height = width * aspect
-    total = 2 * _MARGIN + columns * (width + _GAP) + 0.7
+    total = 2 * _MARGIN + columns * (width + _GAP) + _BAR
     total = max(total, 3.6)
     whole = 1.6 * _LINE + rows * (height + _LINE + _GAP) + _MARGIN
     scale: dict[str, Any] = {"vmin": -limit if signed else 0.0, "vmax": limit}
@@ -172,7 +176,7 @@ def maps_figure(title: str, values: npt.NDArray[np.float32], order: str = "RGB")
 
 
 def _panels(
-    values: npt.NDArray[np.float32], order: str, *, signed: bool, most: float
+    values: npt.NDArray[np.float32], order: str, *, signed: bool, limit: float
 ) -> tuple[list[tuple[str, npt.NDArray[np.float32]]], int]:
     """Labels with what they show, and the number of columns."""
     small = _reduced(values)
@@ -181,9 +185,9 @@ def _panels(
     if len(values) == 3:
         if signed:
             return single, 3
-        picture = small.transpose(1, 2, 0) / most
+        picture = small.transpose(1, 2, 0) / limit
         picture = picture if order == "RGB" else picture[..., ::-1]
-        return [(f"as a picture, 1 is {most:.4g}", picture.clip(0, 1)), *single], 4
+        return [(f"as a picture, white is {limit:.3g}", picture.clip(0, 1)), *single], 4
     if len(values) % 3 == 0:  # a row a colour, a column an iteration
         turns = len(values) // 3
         by_colour = [single[3 * turn + colour] for colour in range(3) for turn in range(turns)]

@@ -7,7 +7,13 @@ import click
 import msgspec
 
 from nat2024.cli import options as shared
-from nat2024.cli.enhancing import picture_options, read_picture_options, write_maps, write_pictures
+from nat2024.cli.enhancing import (
+    choose_strip,
+    picture_options,
+    read_picture_options,
+    write_maps,
+    write_pictures,
+)
 from nat2024.cli.output import print_json
 from nat2024.cli.progress import ProgressBar
 
@@ -107,6 +113,7 @@ def command(
         every=every,
         limit=limit,
     )
+    strip = choose_strip(wanted, found)
     asked: dict[str, Any] = {
         "options": shared.read_plugin_options(opts),
         "weights": shared.read_pairs(weights, "--weights"),
@@ -123,7 +130,7 @@ def command(
             progress=progress,
             **asked,
         )
-    drawn = write_pictures(wanted, found, out, titles)
+    drawn = write_pictures(wanted, found, strip, out, titles)
     if wanted.maps:
         drawn += write_maps(wanted, found, out, create_enhancers(titles, **asked), feed)
     _print(report, drawn, as_json)
