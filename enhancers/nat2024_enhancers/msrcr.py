@@ -99,7 +99,7 @@ class Msrcr(Enhancer):
 
 
 def gaussian_surroundings(values: npt.NDArray[np.float32], sigma: float) -> npt.NDArray[np.float32]:
-    """Gaussian mean of each channel of float32 (H, W, 3), mirrored at the borders.
+    """Gaussian mean of each channel of float32 (H, W, 3), mirrored with the border doubled.
 
     Wide Gaussians are taken of a smaller image and brought back, which costs a hundredth at the
     widest scale; the widening by both resizings is taken off the Gaussian.
@@ -110,7 +110,7 @@ def gaussian_surroundings(values: npt.NDArray[np.float32], sigma: float) -> npt.
     factor = max(1, 2 ** int(math.log2(sigma / _SHARP_ENOUGH)))
     small_size = (max(1, math.ceil(width / factor)), max(1, math.ceil(height / factor)))
     if factor == 1 or min(small_size) < 4:
-        blurred = cv2.GaussianBlur(values, (0, 0), sigma)
+        blurred = cv2.GaussianBlur(values, (0, 0), sigma, borderType=cv2.BORDER_REFLECT)
         return np.asarray(blurred, dtype=np.float32)
     small = cv2.resize(values, small_size, interpolation=cv2.INTER_AREA)
     # variances, in pixels of the small image: a box of width 1 has 1/12, a triangle of 2 has 1/6
@@ -118,6 +118,8 @@ def gaussian_surroundings(values: npt.NDArray[np.float32], sigma: float) -> npt.
         math.sqrt((sigma * there / here) ** 2 - 1 / 12 - 1 / 6)
         for there, here in zip(small_size, (width, height), strict=True)
     ]
-    small = cv2.GaussianBlur(small, (0, 0), widths[0], sigmaY=widths[1])
+    small = cv2.GaussianBlur(
+        small, (0, 0), widths[0], sigmaY=widths[1], borderType=cv2.BORDER_REFLECT
+    )
     wide = cv2.resize(small, (width, height), interpolation=cv2.INTER_LINEAR)
     return np.asarray(wide, dtype=np.float32)

@@ -305,7 +305,7 @@ def _as_floats(image: Any, what: str) -> Floats:
         raise ArrayContract(msg)
     if image.dtype == np.uint8:
         return np.asarray(image / 255.0, dtype=np.float64)
-    values = image.astype(np.float64)
+    values: Floats = image.astype(np.float64)
     if not np.isfinite(values).all():
         msg = f"{what} holds values that are not finite"
         raise ArrayContract(msg)

@@ -42,8 +42,9 @@ class ColourMap:
         new._count = np.bincount(place).astype(np.float64)
         sums = [np.bincount(place, flat[:, channel]) for channel in range(3)]
         new._mean = np.stack(sums, axis=1) / new._count[:, None]
-        new._squares = np.bincount(place, np.sum((flat - new._mean[place]) ** 2, axis=1))
-        new._energy = np.bincount(place, energy.ravel())
+        apart = np.sum((flat - new._mean[place]) ** 2, axis=1)
+        new._squares = np.bincount(place, apart).astype(np.float64)
+        new._energy = np.bincount(place, energy.ravel()).astype(np.float64)
         self.merge(new)
 
     def merge(self, other: "ColourMap") -> None:

@@ -60,7 +60,7 @@ class CurveFit:
 
     def _solve_channel(self, channel: int) -> Floats:
         seen = self.observed()[channel]
-        levels = np.arange(LEVELS) / (LEVELS - 1)
+        levels: Floats = np.arange(LEVELS) / (LEVELS - 1)
         if not seen.any():
             return levels
         # 8-bit values fall on the levels, and the system is diagonal: the solution are the means.
@@ -73,7 +73,7 @@ class CurveFit:
             knots, values = np.append(0.0, knots), np.append(0.0, values)
         if not seen[-1]:
             knots, values = np.append(knots, 1.0), np.append(values, 1.0)
-        return np.interp(levels, knots, values)
+        return np.asarray(np.interp(levels, knots, values), dtype=np.float64)
 
     def _solve_system(self, channel: int, seen: npt.NDArray[Any], means: Floats) -> Floats:
         beside = self._beside[channel, :-1]
