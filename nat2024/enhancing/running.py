@@ -115,19 +115,17 @@ class _Job:
     frames_only: bool
     observer: Observer | None
     progress: Progress
+    told: list[str]
     written: int = 0
     before: int = 0
     failures: list[Failure] = field(default_factory=list)
     failed: int = 0
     torn: set[str] = field(default_factory=set)
-    told: bool = False
 
     def enhance(self, item: Item, index: int, picture: Picture) -> Image:
         if picture.reduced and not self.told:
-            log.warning(
-                "%s: 16-bit images are reduced to 8 bits (%s)", self.title, item.title(index)
-            )
-            self.told = True
+            log.warning("%s: 16 bits a channel, reduced to 8", item.title(index))
+            self.told.append(item.title(index))
         try:
             after = enhance(self.enhancer, picture.image, self.feed)
         except NatBenchError:
@@ -202,6 +200,7 @@ def enhance_images(
     _check(found, out, specs, quality)
     made = _create(specs, device)
     jobs = []
+    told: list[str] = []  # shared, so that it is said once
     for spec, enhancer in zip(specs, made, strict=True):
         record = _record(found, spec, enhancer, device, feed, quality, frames_only)
         open_folder(out / spec.title, record)
@@ -215,6 +214,7 @@ def enhance_images(
                 frames_only,
                 observer,
                 progress,
+                told,
             )
         )
     for job in jobs:
