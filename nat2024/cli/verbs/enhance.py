@@ -7,6 +7,7 @@ import click
 import msgspec
 
 from nat2024.cli import options as shared
+from nat2024.cli.enhancement_measuring import MeasuringOptions, measuring_options, print_measures
 from nat2024.cli.enhancing import (
     choose_strip,
     picture_options,
@@ -71,6 +72,7 @@ _LINES = 8
     help="Of images stored as JPEG.",
 )
 @click.option("--frames", "frames_only", is_flag=True, help="A video's frames as PNG, no video.")
+@measuring_options
 @picture_options
 @shared.plugin_option
 @shared.json_option
@@ -92,6 +94,7 @@ def command(
     frames_only: bool,
     plugins: tuple[str, ...],
     as_json: bool,
+    measuring: MeasuringOptions,
     **pictures: Any,
 ) -> int:
     """Enhance INPUT: an image, a folder of images, a video, or a dataset.
@@ -119,6 +122,7 @@ def command(
         "weights": shared.read_pairs(weights, "--weights"),
         "device": shared.choose_device(device),
     }
+    observer = measuring.start(titles, count_images(found), asked["device"])
     with ProgressBar(len(titles) * count_images(found), "image") as progress:
         report = enhance_images(
             found,
@@ -127,13 +131,15 @@ def command(
             feed=feed,
             quality=quality,
             frames_only=frames_only,
+            observer=observer,
             progress=progress,
             **asked,
         )
     drawn = write_pictures(wanted, found, strip, out, titles)
     if wanted.maps:
         drawn += write_maps(wanted, found, out, create_enhancers(titles, **asked), feed)
-    _print(report, drawn, as_json)
+    measured = measuring.finish(observer)
+    _print(report, drawn, measured, as_json)
     return 1 if report.failures else 0
 
 
@@ -141,10 +147,12 @@ def _split(texts: tuple[str, ...]) -> list[str]:
     return [part.strip() for text in texts for part in text.split(",") if part.strip()]
 
 
-def _print(report: "EnhancementReport", drawn: list[Path], as_json: bool) -> None:
+def _print(
+    report: "EnhancementReport", drawn: list[Path], measured: dict[str, Any], as_json: bool
+) -> None:
     if as_json:
         document: dict[str, Any] = msgspec.to_builtins(report)
-        print_json({**document, "pictures": [str(path) for path in drawn]})
+        print_json({**document, "pictures": [str(path) for path in drawn], **measured})
         return
     for one in report.enhancers:
         parts = [f"{one.written} images written"]
@@ -155,3 +163,4 @@ def _print(report: "EnhancementReport", drawn: list[Path], as_json: bool) -> Non
         click.echo(str(path))
     if len(drawn) > 2 * _LINES:
         click.echo(f"and more, {len(drawn)} files of pictures and their numbers")
+    print_measures(measured)
