@@ -2,8 +2,10 @@
 
 import zlib
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 import torch
@@ -65,3 +67,16 @@ def procedural_batch() -> Callable[[str, tuple[int, ...]], torch.Tensor]:
 @pytest.fixture(scope="session")
 def describe() -> Callable[..., dict[str, Any]]:
     return describe_array
+
+
+@pytest.fixture(scope="session")
+def kit_batch(shared: Path) -> Callable[[str], torch.Tensor]:
+    """Reads an input of the parity kit as float32 (1, 3, H, W), RGB."""
+
+    def read(name: str) -> torch.Tensor:
+        image = cv2.imread(str(shared / "parity" / "enhancers" / "inputs" / f"{name}.png"))
+        assert image is not None, name
+        pixels = image[..., ::-1].transpose(2, 0, 1)[None].astype(np.float32)
+        return torch.from_numpy(pixels / np.float32(255))
+
+    return read

@@ -1,0 +1,39 @@
+"""The yardstick is what it claims to be: equal to the official outputs."""
+
+import cv2
+import numpy as np
+import pytest
+import torch
+from peers import dcepp
+
+from nat2024.registry import create_enhancer
+from nat2024.zoo import read_checkpoint
+
+
+@pytest.mark.shared
+@pytest.mark.parametrize(
+    ("case", "scale"),
+    [
+        ("dt12_287x287_pad_s12", 12),
+        ("dt36_127x127_pad_s12", 12),
+        ("dt76_101x77_pad_s12", 12),
+        ("dt76_101x77_s1", 1),
+    ],
+)
+def test_the_yardstick_gives_the_official_outputs(shared, case, scale):
+    kit = shared / "parity" / "enhancers"
+    network = dcepp.build(scale)
+    assert not network.training
+    network.load_state_dict(read_checkpoint(kit / "checkpoints" / "dcepp_epoch99.pth"))
+    image = cv2.imread(str(kit / "inputs" / f"{'_'.join(case.split('_')[:2])}.png"))[..., ::-1]
+    batch = torch.from_numpy(image.transpose(2, 0, 1)[None].astype(np.float32) / np.float32(255))
+    with torch.no_grad():
+        actual = network(batch)[0].numpy()
+    with np.load(kit / "outputs" / "dcepp_epoch99" / f"{case}.npz") as stored:
+        np.testing.assert_allclose(actual, stored["enhanced"], rtol=0, atol=1e-5)
+
+
+def test_the_yardstick_has_the_keys_of_the_plugin_network():
+    ours = create_enhancer("dcepp", weights=False).model.state_dict()
+    theirs = dcepp.build().state_dict()
+    assert {k: v.shape for k, v in theirs.items()} == {k: v.shape for k, v in ours.items()}
