@@ -1,7 +1,7 @@
 """Weights that a user registers once, so that a plugin finds them without being told a path.
 
 A file is registered by loading it into the plugin it is for, so that keys, shapes and safety are
-checked by what will use it. What PyTorch can read is kept as safetensors, anything else as a copy.
+checked by what will use it. PyTorch checkpoints are kept as safetensors, anything else as a copy.
 """
 
 import datetime
@@ -68,8 +68,9 @@ def import_weights(
     """Register a weights file (or folder) for a plugin.
 
     The plugin loads it, with `options`; then its state dict is written as safetensors, read back
-    and compared. A file that is no PyTorch checkpoint, or is of a plugin without `.model`, is
-    copied as it is. Entries with other options stay; one with the same is replaced.
+    and compared. A folder, a safetensors file, a file that is no PyTorch checkpoint, and one of a
+    plugin without `.model` are copied as they are. Entries with other options stay; one with the
+    same is replaced.
 
     Args:
         name: the tracker or enhancer.
@@ -121,7 +122,7 @@ def verify_weights(name: str | None = None) -> list[Verdict]:
         WeightsMissing: a name is given, and nothing is registered for it.
     """
     files = registered.record_files(name)
-    if name and not files:
+    if name is not None and not files:
         raise WeightsMissing(_nothing_for(name))
     return [_verify(path) for path in files]
 
@@ -208,11 +209,13 @@ def _with_variant_of_file(cls: type[Any], source: Path, given: dict[str, Any]) -
 def _keep(plugin: "Tracker | Enhancer", source: Path, options: dict[str, Any]) -> RegisteredWeights:
     """Write the weights of a plugin that has loaded `source`, and make sure of what was written."""
     assert plugin.weights is not None
-    state = _convertible_state(plugin, source)
+    state = _state_of(plugin, source)
+    convert = state is not None and source.suffix.lower() != ".safetensors"
     folder = registered.plugin_folder(plugin.name)
     name = f"{registered.entry_name(options)}-{plugin.weights.sha256[:12]}"
     if state is not None:
         _refuse_unusable_numbers(state, source)
+    if state is not None and convert:
         path = folder / f"{name}.safetensors"
         write_atomic(path, _safetensors_of(state))
     else:
@@ -230,7 +233,7 @@ def _keep(plugin: "Tracker | Enhancer", source: Path, options: dict[str, Any]) -
         source_sha256=plugin.weights.sha256,
         known_as=plugin.weights.known_as,
         file=path.name,
-        form="copy" if state is None else "safetensors",
+        form="safetensors" if convert else "copy",
         sha256=sha256_of(path),
         bytes=_size_of(path),
         entries=len(state or ()),
@@ -238,10 +241,8 @@ def _keep(plugin: "Tracker | Enhancer", source: Path, options: dict[str, Any]) -
     )
 
 
-def _convertible_state(
-    plugin: "Tracker | Enhancer", source: Path
-) -> "dict[str, torch.Tensor] | None":
-    """The state dict to convert; None where the source is no PyTorch or safetensors file."""
+def _state_of(plugin: "Tracker | Enhancer", source: Path) -> "dict[str, torch.Tensor] | None":
+    """What was read from the source; None where it is no PyTorch or safetensors file."""
     model = getattr(plugin, "model", None)
     if model is None or not source.is_file():
         return None

@@ -42,7 +42,7 @@ class RegisteredWeights(msgspec.Struct, frozen=True, forbid_unknown_fields=True,
         form: "safetensors" where it was converted, "copy" where it is kept byte for byte.
         sha256: digest of `file`.
         bytes: size of `file`.
-        entries: number of tensors, 0 for a copy.
+        entries: number of tensors, 0 where PyTorch cannot read the file.
         imported: date and time of the import, ISO 8601 in UTC.
         format: version of this layout.
     """
@@ -118,8 +118,8 @@ def list_registered(name: str | None = None) -> list[RegisteredWeights]:
 
 def record_files(name: str | None = None) -> list[Path]:
     """The files of these records, sorted."""
-    folder = plugin_folder(name) if name else weights_folder()
-    pattern = "[!.]*.json" if name else "[!.]*/[!.]*.json"
+    folder = weights_folder() if name is None else plugin_folder(name)
+    pattern = "[!.]*/[!.]*.json" if name is None else "[!.]*.json"
     return sorted(path for path in folder.glob(pattern) if path.is_file())
 
 
