@@ -156,11 +156,14 @@ def write_pictures(
     Returns:
         The files.
     """
+    from nat2024.enhancing import count_images
     from nat2024.enhancing.showing import choose_images
 
     columns = [title for title in titles if title != "none"]  # the input stands there already
     written: list[Path] = []
     if wanted.sheet is not None and (chosen := choose_images(source, wanted.show)):
+        if (every := count_images(source)) > len(chosen):
+            _log.info("%s: %d of %d images, --show N takes more", wanted.sheet, len(chosen), every)
         written += _write_sheet(wanted.sheet, chosen, out, columns)
     if wanted.strip is not None and strip is not None:
         written += _write_strip(wanted.strip, strip, wanted.insets, out, columns)

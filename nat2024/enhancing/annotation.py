@@ -12,7 +12,8 @@ from nat2024.datasets.layouts import FoundSequence
 from nat2024.datasets.reading import Place
 from nat2024.datasets.records import frame_files
 from nat2024.datasets.schema import INDEX_FILE, FrameFiles, encode_dataset
-from nat2024.datasets.video import VIDEO_EXTENSIONS
+from nat2024.datasets.video import VIDEO_EXTENSIONS, VideoFrames
+from nat2024.enhancing.videos import VIDEO_ENDING
 from nat2024.errors import FrameUnreadable
 from nat2024.files import write_atomic
 
@@ -87,11 +88,11 @@ def _inner(path: Path, base: Path) -> PurePosixPath:
 def _write_index(place: Place, folder: Path, whole: Collection[str]) -> None:
     document = place.layout.document
     assert document is not None
-    places = {
-        found.name: _inner(found.frames.folder, place.folder) for found in place.layout.sequences
-    }
+    found = {one.name: one for one in place.layout.sequences}
     records = tuple(
-        msgspec.structs.replace(record, frames=_frames(record.frames, folder, places[record.name]))
+        msgspec.structs.replace(
+            record, frames=_frames(record.frames.count, found[record.name], place.folder, folder)
+        )
         for record in document.sequences
         if record.name in whole
     )
@@ -99,16 +100,15 @@ def _write_index(place: Place, folder: Path, whole: Collection[str]) -> None:
     write_atomic(folder / INDEX_FILE, encode_dataset(changed))
 
 
-def _frames(frames: FrameFiles, folder: Path, inner: PurePosixPath) -> FrameFiles:
-    """The same frames where they lie now; a video may have become another, or frames."""
+def _frames(count: int, found: FoundSequence, base: Path, folder: Path) -> FrameFiles:
+    """Files of the enhanced frames; a video may have become another, or frames."""
+    inner = _inner(found.frames.folder, base)
     place = str(inner) if inner.parts else ""
-    if not frames.video:
-        return msgspec.structs.replace(frames, folder=place, sizes=(), sha256=())
-    from nat2024.enhancing.videos import VIDEO_ENDING
-
-    stem = Path(frames.video).stem
+    if not isinstance(found.frames, VideoFrames):
+        return frame_files(place, found.frames.names)
+    stem = found.frames.path.stem
     video = f"{stem}{VIDEO_ENDING}"
     if (folder / inner / video).is_file():
-        return FrameFiles(folder=place, count=frames.count, video=video)
+        return FrameFiles(folder=place, count=count, video=video)
     names = tuple(sorted(path.name for path in (folder / inner / stem).glob("*.png")))
     return frame_files(str(inner / stem), names)
