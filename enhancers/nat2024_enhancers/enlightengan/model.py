@@ -15,7 +15,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from nat2024.networks.bands import bands_of
+from nat2024.networks.bands import bands_of, run_in_bands
 from nat2024.networks.padding import pad_to_multiple
 
 STRIDE = 16
@@ -27,6 +27,7 @@ WIDEST = 2200
 _WIDTHS = (32, 64, 128, 256, 512)
 _SLOPE = 0.2
 _GREY = (0.299, 0.587, 0.114)
+_HALO = 2  # the two 3x3 convolutions of a level
 # Three 3x3 convolutions and the enlargement see this many rows of the smaller features.
 _SMALL_HALO = 2
 
@@ -111,29 +112,39 @@ class EnlightenGANNet(nn.Module):
             x = x.contiguous(memory_format=torch.channels_last)
         skips: list[Tensor] = []
         for level in range(1, len(_WIDTHS)):
-            skip = self._steps(x, f"{level}_1", f"{level}_2")
+            skip = self._encode(level, x)
             x = F.max_pool2d(skip, 2)
             skips.append(skip * attentions[level - 1])
+            del skip  # at full size it needs more memory than whole levels below
         x = self._steps(self._steps(x, "5_1") * attentions[-1], "5_2")
-        for level in range(6, 9):
-            x = self._join(level, x, skips.pop())
-            x = self._steps(x, f"{level}_1", f"{level}_2")
-        return self._finish(x, skips.pop()) * attention
+        for level in range(6, 10):
+            x = self._decode(level, x, skips.pop())
+        return x.contiguous() * attention
 
-    def _finish(self, deep: Tensor, skip: Tensor) -> Tensor:
-        """The last level, in bands of rows: it needs more memory than all others together."""
+    def _encode(self, level: int, x: Tensor) -> Tensor:
+        names = (f"{level}_1", f"{level}_2")
+        if self.training:  # batch statistics are those of the whole image
+            return self._steps(x, *names)
+        return run_in_bands(lambda rows: self._steps(rows, *names), x, halo=_HALO)
+
+    def _decode(self, level: int, deep: Tensor, skip: Tensor) -> Tensor:
+        """One level, in bands of rows: the large ones need most of the memory."""
         parts = []
         for start, stop in self._bands(skip):
             above = max(start // 2 - _SMALL_HALO, 0)
             below = stop // 2 + _SMALL_HALO
-            x = self._join(9, deep[..., above:below, :], skip[..., 2 * above : 2 * below, :])
-            x = F.leaky_relu_(self._layer("conv9_2", self._steps(x, "9_1")), _SLOPE)
-            parts.append(self.conv10(x[..., start - 2 * above : stop - 2 * above, :]))
-        return torch.cat(parts, dim=-2).contiguous()
+            x = self._join(level, deep[..., above:below, :], skip[..., 2 * above : 2 * below, :])
+            x = self._steps(x, f"{level}_1")
+            x = self._steps(x, f"{level}_2") if level < 9 else self._last(x)
+            parts.append(x[..., start - 2 * above : stop - 2 * above, :])
+        return parts[0] if len(parts) == 1 else torch.cat(parts, dim=-2)
+
+    def _last(self, x: Tensor) -> Tensor:
+        x = F.leaky_relu_(self._layer("conv9_2", x), _SLOPE)
+        return self.conv10(x)  # type: ignore[no-any-return]
 
     def _bands(self, x: Tensor) -> Iterable[tuple[int, int]]:
         count, _, height, width = x.shape
-        # Batch statistics are those of the whole image.
         return [(0, height)] if self.training else bands_of(count, height, width, stride=2)
 
     def _join(self, level: int, x: Tensor, skip: Tensor) -> Tensor:
@@ -151,5 +162,5 @@ class EnlightenGANNet(nn.Module):
 
 def grey_of(image: Tensor) -> Tensor:
     """Grey value in 0..1, (N, 1, H, W), of images (N, 3, H, W) in -1..1 and RGB order."""
-    red, green, blue = (image + 1).split(1, dim=1)
+    red, green, blue = (image + 1).chunk(3, dim=1)
     return (_GREY[0] * red + _GREY[1] * green + _GREY[2] * blue) / 2

@@ -4,6 +4,8 @@ Images are float32 (N, 3, H, W), BGR in the authors' training and test, sides of
 Names of modules are those of the official state dict.
 """
 
+from collections.abc import Iterator
+
 import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
@@ -54,7 +56,7 @@ class Up(nn.Module):
 
     def forward(self, deep: Tensor, skip: Tensor) -> Tensor:
         """(N, inputs / 2, H // 2, W // 2) and (N, inputs / 2, H, W) to (N, outputs, H, W)."""
-        return self.rows(deep, skip, 0, skip.shape[-2])
+        return _join([self.rows(deep, skip, *band) for band in _bands(skip)])
 
     def rows(self, deep: Tensor, skip: Tensor, start: int, stop: int) -> Tensor:
         """Rows `start` to `stop` of what `forward` gives, computed from these rows and a halo."""
@@ -125,13 +127,18 @@ class LLVENet(nn.Module):
         x4 = self.down3(x3)
         x = self.up1(self.down4(x4), x4)
         x = self.up3(self.up2(x, x3), x2)
-        count, _, height, width = image.shape
-        # The full size is where the memory goes; bands of rows give the same numbers.
-        parts = [
-            self.outc(self.up4.rows(x, x1, start, stop))
-            for start, stop in bands_of(count, height, width)
-        ]
-        return torch.cat(parts, dim=-2).contiguous()
+        return _join([self.outc(self.up4.rows(x, x1, *band)) for band in _bands(x1)]).contiguous()
+
+
+def _bands(x: Tensor) -> Iterator[tuple[int, int]]:
+    """Bands of rows for the large levels, which is where the memory goes."""
+    count, _, height, width = x.shape
+    return bands_of(count, height, width)
+
+
+def _join(parts: list[Tensor]) -> Tensor:
+    """Bands of rows, one below the other; a single one is not copied."""
+    return parts[0] if len(parts) == 1 else torch.cat(parts, dim=-2)
 
 
 def _initialise(module: nn.Module) -> None:

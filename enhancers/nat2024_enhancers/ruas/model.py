@@ -6,6 +6,8 @@ takes the noise off the last u. Both are made of searched cells, with 3 and with
 Images are float32 (N, 3, H, W) of any size. Names of modules are those of the official state dict.
 """
 
+from typing import cast
+
 import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
@@ -35,7 +37,7 @@ class Convolution(nn.Module):
     def forward(self, x: Tensor) -> Tensor:
         """(N, channels, H, W) to the same."""
         weight = self.op.weight + self.unit
-        return F.conv2d(x, weight, self.op.bias, 1, self.op.padding, self.op.dilation)  # type: ignore[arg-type]
+        return F.conv2d(x, weight, self.op.bias, 1, self.op.padding, self.op.dilation)
 
 
 class Skip(nn.Module):
@@ -154,7 +156,7 @@ class EnhanceNet(nn.Module):
         """(N, 3, H, W) to u_3, 0..1."""
         u = None
         for stage in self.iems:
-            u = stage.banded(y, u)  # type: ignore[operator]
+            u = cast("Stage", stage).banded(y, u)
         assert u is not None
         return u
 

@@ -5,7 +5,7 @@ of the official state dict.
 """
 
 import math
-from typing import Literal
+from typing import Literal, cast
 
 import torch
 import torch.nn.functional as F
@@ -75,7 +75,8 @@ class NormedConvolution(nn.Module):
 
     def __init__(self, dim: int, kernel: int, groups: int, statistics: Statistics) -> None:
         super().__init__()
-        convolution = nn.Conv2d(dim, dim, kernel, padding=kernel // 2, groups=groups, bias=False)
+        self.padding, self.groups = kernel // 2, groups
+        convolution = nn.Conv2d(dim, dim, kernel, padding=self.padding, groups=groups, bias=False)
         self.conv = nn.Sequential(convolution, nn.BatchNorm2d(dim))
         self.statistics = statistics
         # A bound method, so that a deep copy of this module folds its own weights.
@@ -87,18 +88,21 @@ class NormedConvolution(nn.Module):
             return F.gelu(self._by_image(x))
         if may_derive(self):
             weight, bias = self._folded()
-            layer = self.conv[0]
-            return F.gelu(F.conv2d(x, weight, bias, 1, layer.padding, 1, layer.groups))
+            return F.gelu(F.conv2d(x, weight, bias, padding=self.padding, groups=self.groups))
         return F.gelu(self.conv(x))
 
     def _fold(self) -> tuple[Tensor, Tensor]:
-        return fold_batch_norm(*self.conv)
+        return fold_batch_norm(*self._parts())
 
     def _by_image(self, x: Tensor) -> Tensor:
-        layer, norm = self.conv
+        layer, norm = self._parts()
+        # Statistics of each image alone, which is what instance normalisation takes.
         return F.instance_norm(
             layer(x), weight=norm.weight, bias=norm.bias, use_input_stats=True, eps=norm.eps
         )
+
+    def _parts(self) -> tuple[nn.Conv2d, nn.BatchNorm2d]:
+        return cast("tuple[nn.Conv2d, nn.BatchNorm2d]", tuple(self.conv))
 
 
 class Mlp(nn.Module):
@@ -152,7 +156,7 @@ class Block(nn.Module):
 def to_windows(x: Tensor, side: int) -> Tensor:
     """Tokens (N, side * side, C) to those of each window, (N * windows, 16, C)."""
     count = side // _WINDOW
-    grid = x.unflatten(1, (count, _WINDOW, count, _WINDOW))
+    grid = x.reshape(-1, count, _WINDOW, count, _WINDOW, x.shape[-1])
     return grid.transpose(2, 3).reshape(-1, _WINDOW**2, x.shape[-1])
 
 
