@@ -18,6 +18,10 @@ class Derived(Generic[T]):
     hides from PyTorch, and from this.) In training mode or where gradients are wanted nothing
     should be derived: ask `may_derive` first.
 
+    Where the module itself holds this, `compute` must be one of its methods: `copy.deepcopy` and
+    pickling carry a method over to the copy, but leave a lambda with the weights of the original.
+    Weights created under `torch.inference_mode` have no versions; from them every call computes.
+
     Example:
         >>> layer = nn.Linear(2, 2)
         >>> transposed = Derived(layer, lambda: layer.weight.detach().t().contiguous())
@@ -36,10 +40,10 @@ class Derived(Generic[T]):
         """The value for the weights as they are now."""
         (module,) = self._holder
         # The tensors themselves are kept: a freed one's address might be another's tomorrow.
-        state = [
-            (tensor, tensor.data_ptr(), tensor._version)
-            for tensor in itertools.chain(module.parameters(), module.buffers())
-        ]
+        tensors = list(itertools.chain(module.parameters(), module.buffers()))
+        if any(tensor.is_inference() for tensor in tensors):
+            return self._compute()
+        state = [(tensor, tensor.data_ptr(), tensor._version) for tensor in tensors]
         if self._state is None or not _same(state, self._state):
             with torch.no_grad():
                 self._value = self._compute()

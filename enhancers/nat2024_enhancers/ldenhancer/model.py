@@ -19,6 +19,7 @@ from nat2024.errors import ArrayContract
 from nat2024.networks.bands import bands_of
 from nat2024.networks.convolving import convolve_pair
 from nat2024.networks.folding import Derived, fold_batch_norm, may_derive
+from nat2024_enhancers.ldenhancer.attention import fused_attention, scalar_attention
 
 STRIDE = 16
 """How much smaller the feature maps are than the image."""
@@ -139,28 +140,15 @@ class AttentionLayer(nn.Module):
             .transpose(1, 2)
             for tokens, weight, bias in zip((query, key, value), weights, biases, strict=True)
         )
-        dropout = attention.dropout if self.training else 0.0
-        # The CPU's fused kernel takes head dimension 1 as it is, those of GPUs want multiples of 8.
-        multiple = 1 if query.device.type == "cpu" else 8
-        attended = fused_attention(q, k, v, dropout=dropout, head_multiple=multiple)
+        on_cpu = query.device.type == "cpu"
+        if on_cpu and may_derive(self) and q.shape[-1] == 1 and q.dtype == torch.float32:
+            attended = scalar_attention(q, k, v)
+        else:
+            dropout = attention.dropout if self.training else 0.0
+            # The CPU's kernel takes head dimension 1 as it is, those of GPUs want multiples of 8.
+            multiple = 1 if on_cpu else 8
+            attended = fused_attention(q, k, v, dropout=dropout, head_multiple=multiple)
         return attention.out_proj(attended.transpose(1, 2).flatten(2))  # type: ignore[no-any-return]
-
-
-def fused_attention(
-    query: Tensor, key: Tensor, value: Tensor, *, dropout: float = 0.0, head_multiple: int = 1
-) -> Tensor:
-    """Attention of (N, heads, L, d) by a kernel that never holds the L x L matrix.
-
-    The head dimension d is filled up with zeros, which change nothing, to a multiple of
-    `head_multiple`. (PyTorch on a CPU does hold the matrix where there is dropout.)
-    """
-    size = query.shape[-1]
-    extra = -size % head_multiple
-    if extra:
-        query, key, value = (F.pad(tokens, (0, extra)) for tokens in (query, key, value))
-    scale = size**-0.5
-    attended = F.scaled_dot_product_attention(query, key, value, dropout_p=dropout, scale=scale)
-    return attended[..., :size]
 
 
 class CrossAttention(nn.Module):

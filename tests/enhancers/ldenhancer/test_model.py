@@ -1,5 +1,6 @@
 """The network: official names and shapes, numbers, memory-saving forms, and training."""
 
+import copy
 import json
 from pathlib import Path
 
@@ -10,7 +11,8 @@ from torch.nn.attention import SDPBackend, sdpa_kernel
 
 from nat2024.errors import ArrayContract
 from nat2024.networks import bands
-from nat2024_enhancers.ldenhancer.model import LDEnhancerNet, fused_attention
+from nat2024_enhancers.ldenhancer.attention import fused_attention
+from nat2024_enhancers.ldenhancer.model import LDEnhancerNet
 
 GOLDEN = json.loads(
     (Path(__file__).parents[2] / "data" / "ldenhancer_golden.json").read_text(encoding="utf-8")
@@ -94,6 +96,76 @@ def test_inference_and_gradient_forms_agree(network, batch):
         inferred = network(batch)
     for one, other in zip(inferred, network(batch), strict=True):
         torch.testing.assert_close(one, other.detach(), rtol=0, atol=1e-6)
+
+
+def _load(net, state):
+    net.load_state_dict(state)
+
+
+def _assign(net, state):
+    net.load_state_dict(state, assign=True)
+
+
+def _replace(net, state):
+    for name, part in LDEnhancerNet().eval().named_children():
+        setattr(net, name, part)
+    net.load_state_dict(state)
+
+
+def _step(net, state):
+    # One step of gradient descent that lands at the other weights.
+    for name, parameter in net.named_parameters():
+        parameter.grad = parameter.detach() - state[name]
+    torch.optim.SGD(net.parameters(), lr=1.0).step()
+    with torch.no_grad():
+        for name, buffer in net.named_buffers():
+            buffer.copy_(state[name])
+
+
+@pytest.mark.parametrize("change", [_load, _assign, _replace, _step])
+def test_no_derived_weight_goes_stale(network, batch, change):
+    torch.manual_seed(5)
+    target = LDEnhancerNet().eval()
+    with torch.no_grad():
+        for name, buffer in target.named_buffers():
+            if name.endswith("running_mean"):
+                buffer.uniform_(-0.1, 0.1)
+        network(batch)
+        twin = copy.deepcopy(network)
+        before = twin(batch)
+        change(network, {key: value.clone() for key, value in target.state_dict().items()})
+        after = zip(network(batch), target(batch), twin(batch), before, strict=True)
+        for now, expected, of_twin, earlier in after:
+            torch.testing.assert_close(now, expected, rtol=0, atol=1e-5)
+            assert not torch.allclose(now, earlier, atol=1e-3)
+            assert torch.equal(of_twin, earlier)
+
+
+def test_training_in_between_is_seen_at_the_next_inference(network, batch):
+    with torch.no_grad():
+        before = network(batch)[0]
+        network.train()(batch)  # moves the statistics of every BatchNorm
+        network.eval()
+        after = network(batch)[0]
+    assert not torch.allclose(after, before, atol=1e-4)
+    torch.testing.assert_close(after, network(batch)[0].detach(), rtol=0, atol=1e-6)
+
+
+def test_inference_leaves_its_input_and_its_weights_alone(network, batch):
+    given, state = batch.clone(), copy.deepcopy(network.state_dict())
+    with torch.no_grad():
+        once, again = network(batch), network(batch)
+    assert torch.equal(batch, given)
+    assert all(torch.equal(value, state[key]) for key, value in network.state_dict().items())
+    assert all(torch.equal(one, other) for one, other in zip(once, again, strict=True))
+
+
+def test_many_tokens_give_what_the_plain_attention_gives(network, procedural_batch, monkeypatch):
+    wide = procedural_batch("ldenhancer.wide", (1, 3, 320, 640))
+    expected = [each.detach() for each in network(wide)]  # with gradients: nothing interpolated
+    with torch.no_grad():
+        for one, other in zip(network(wide), expected, strict=True):
+            torch.testing.assert_close(one, other, rtol=0, atol=2e-6)
 
 
 @pytest.mark.parametrize(("heads", "multiple"), [(8, 1), (8, 8), (2, 1), (2, 8)])

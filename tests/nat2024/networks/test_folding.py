@@ -1,5 +1,7 @@
 """Folded layers equal the two they replace, and follow every change of the weights."""
 
+import copy
+
 import pytest
 import torch
 from torch import nn
@@ -68,6 +70,43 @@ def test_derived_follows_every_change():
     layer.weight = nn.Parameter(torch.zeros(2, 2))
     assert derived() == 0
     assert len(calls) == 5
+
+
+class _Doubled(nn.Module):
+    def __init__(self):
+        super().__init__()
+        self.layer = nn.Linear(1, 1, bias=False)
+        self.doubled = Derived(self, self._double)
+
+    def _double(self):
+        return self.layer.weight.item() * 2
+
+
+def test_a_copy_derives_from_its_own_weights():
+    module = _Doubled()
+    before = module.doubled()
+    other = copy.deepcopy(module)
+    nn.init.constant_(other.layer.weight, 3)
+    assert (module.doubled(), other.doubled()) == (before, 6)
+    nn.init.constant_(module.layer.weight, 4)
+    assert (module.doubled(), other.doubled()) == (8, 6)
+
+
+def test_an_optimizer_step_a_moved_module_and_inference_weights_are_noticed():
+    module = _Doubled()
+    nn.init.constant_(module.layer.weight, 3)
+    assert module.doubled() == 6
+    module.layer.weight.grad = torch.ones(1, 1)
+    torch.optim.SGD(module.parameters(), lr=1.0).step()
+    assert module.doubled() == 4
+    module.double()
+    module.layer.weight = nn.Parameter(torch.full((1, 1), 5.0))
+    assert module.doubled() == 10
+    with torch.inference_mode():
+        made_there = _Doubled()
+        for value in (1.0, 2.0):
+            made_there.layer.weight.fill_(value)
+            assert made_there.doubled() == 2 * value
 
 
 def test_nothing_is_derived_in_training():
