@@ -20,6 +20,7 @@ _VERBS = {
     "weights": "Register weights files, so that plugins find them.",
     "dataset": "Look at datasets, check them, make a small one.",
     "track": "Track an object in your own video, camera or stream.",
+    "profile": "Measure what trackers and enhancers cost.",
     "new": "Begin an enhancer or a tracker of your own.",
 }
 

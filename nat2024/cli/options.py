@@ -16,6 +16,9 @@ if TYPE_CHECKING:
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
+DEFAULT_TRACKER = "fdsst"
+"""What runs where no tracker is named: it needs no weights, and repeats itself."""
+
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 results_option = click.option(
     "--results",
@@ -49,6 +52,27 @@ weights_option = click.option(
 )
 opts_option = click.option(
     "--opt", "opts", multiple=True, metavar="NAME[@LABEL].KEY=VALUE", help="An option; repeatable."
+)
+trackers_option = click.option(
+    "--tracker",
+    "trackers",
+    multiple=True,
+    metavar="NAME[@LABEL]",
+    help="Repeatable; left out: fdsst, which needs no weights.",
+)
+enhancers_option = click.option(
+    "--enhancer",
+    "enhancers",
+    multiple=True,
+    default=("none",),
+    show_default=True,
+    metavar="NAME[@LABEL]",
+    help="Repeatable; every tracker runs with every enhancer.",
+)
+scope_option = click.option(
+    "--scope",
+    type=click.Choice(["patch", "frame"]),
+    help="Enhance the tracker's crops or the whole frame; left out, each tracker's own default.",
 )
 device_option = click.option(
     "--device", default="auto", show_default=True, help="cpu, cuda, cuda:N; auto takes CUDA if any."
@@ -132,6 +156,14 @@ def read_plugin_options(texts: Iterable[str]) -> dict[str, dict[str, str]]:
             raise UsageError(msg)
         options.setdefault(plugin, {})[name] = value
     return options
+
+
+def choose_trackers(trackers: tuple[str, ...]) -> tuple[str, ...]:
+    """The trackers of `--tracker`; where none is named the default one, which is said."""
+    if trackers:
+        return trackers
+    logging.getLogger("nat2024").info("no --tracker given, taking %s", DEFAULT_TRACKER)
+    return (DEFAULT_TRACKER,)
 
 
 def choose_device(device: str) -> str:

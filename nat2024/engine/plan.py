@@ -3,7 +3,7 @@
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, Literal
 
 from nat2024.engine.timing import TimedEnhancer
 from nat2024.errors import UsageError
@@ -37,7 +37,7 @@ class PluginSpec:
     name: str
     label: str = ""
     options: Mapping[str, Any] = field(default_factory=dict)
-    weights: str | None = None
+    weights: str | Literal[False] | None = None
 
     @classmethod
     def parse(cls, text: str) -> "PluginSpec":

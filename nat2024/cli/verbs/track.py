@@ -18,15 +18,13 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("nat2024")
 
-DEFAULT_TRACKER = "fdsst"
-
 
 @click.command()
 @click.argument("source")
 @click.option(
     "--box", "box_text", metavar="X,Y,W,H", help="The target in the first frame, in pixels."
 )
-@click.option("--tracker", metavar="NAME", help=f"Left out: {DEFAULT_TRACKER}.")
+@click.option("--tracker", metavar="NAME", help=f"Left out: {shared.DEFAULT_TRACKER}.")
 @click.option("--enhancer", default="none", show_default=True, metavar="NAME")
 @click.option(
     "--out",
@@ -55,9 +53,7 @@ DEFAULT_TRACKER = "fdsst"
 @click.option("--no-video", is_flag=True, help="Write no overlay video.")
 @shared.weights_option
 @shared.opts_option
-@click.option(
-    "--scope", type=click.Choice(["patch", "frame"]), help="Enhance crops or whole frames."
-)
+@shared.scope_option
 @shared.device_option
 @click.option("--threads", type=click.IntRange(1), help="Threads of the networks.")
 @shared.plugin_option
@@ -97,10 +93,8 @@ def command(
     shared.load_plugins(plugins)
     truth = read_boxes(reference) if reference else None
     box = _first_box(box_text, truth, start)
-    if tracker is None:
-        log.info("no --tracker given, taking %s", DEFAULT_TRACKER)
     [combination] = combine(
-        [tracker or DEFAULT_TRACKER],
+        shared.choose_trackers((tracker,) if tracker else ()),
         [enhancer],
         options=shared.read_plugin_options(opts),
         weights=shared.read_pairs(weights, "--weights"),

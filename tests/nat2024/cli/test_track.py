@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from nat2024 import read_boxes, write_boxes
-from nat2024.cli.verbs import track
+from nat2024.cli import options
 
 
 @pytest.fixture
@@ -110,7 +110,7 @@ def test_bad_words_are_one_line(cli, footage, tmp_path, words, complaint):
 
 
 def test_the_default_tracker_is_said(cli, footage, tmp_path, monkeypatch):
-    monkeypatch.setattr(track, "DEFAULT_TRACKER", "mil")
+    monkeypatch.setattr(options, "DEFAULT_TRACKER", "mil")
     words = ["--box", "30,30,20,20", "--out", tmp_path / "out", "--no-video"]
     status, _, err = cli("track", footage, *words)
     assert status == 0
