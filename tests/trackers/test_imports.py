@@ -7,6 +7,9 @@ MODULES = [
     "nat2024_trackers.siamrpnpp.plugin",
     "nat2024_trackers.opencv.nano",
     "nat2024_trackers.opencv.mil",
+    "nat2024_trackers.correlation.mosse",
+    "nat2024_trackers.correlation.kcf",
+    "nat2024_trackers.correlation.fdsst",
 ]
 
 

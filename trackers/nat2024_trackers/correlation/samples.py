@@ -15,7 +15,8 @@ def cut(
     image: Pixels, center: tuple[float, float], extent: tuple[float, float], size: tuple[int, int]
 ) -> Pixels:
     """Resample a rectangle of an image; see `cut_all`. Gives (height, width, 3)."""
-    return cut_all(image, center, np.array([extent]), size)[0]
+    patch: Pixels = cut_all(image, center, np.array([extent]), size)[0]
+    return patch
 
 
 def cut_all(
