@@ -20,7 +20,8 @@ class Derived(Generic[T]):
 
     Where the module itself holds this, `compute` must be one of its methods: `copy.deepcopy` and
     pickling carry a method over to the copy, but leave a lambda with the weights of the original.
-    Weights created under `torch.inference_mode` have no versions; from them every call computes.
+    Weights created under `torch.inference_mode` have no versions, and those of `FakeTensorMode` no
+    storage; from them every call computes.
 
     Example:
         >>> layer = nn.Linear(2, 2)
@@ -41,7 +42,9 @@ class Derived(Generic[T]):
         (module,) = self._holder
         # The tensors themselves are kept: a freed one's address might be another's tomorrow.
         tensors = list(itertools.chain(module.parameters(), module.buffers()))
-        if any(tensor.is_inference() for tensor in tensors):
+        # Where tensors are traced or only have shapes, nothing can be compared or kept.
+        plain = {type(torch.empty(0)), *map(type, tensors)} <= {Tensor, nn.Parameter}
+        if not plain or any(tensor.is_inference() for tensor in tensors):
             return self._compute()
         state = [(tensor, tensor.data_ptr(), tensor._version) for tensor in tensors]
         if self._state is None or not _same(state, self._state):

@@ -37,6 +37,8 @@ def scalar_attention(query: Tensor, key: Tensor, value: Tensor) -> Tensor:
     large as float32's rounding. Where that takes more than a quarter of the queries (or they are
     not finite) this is `fused_attention`.
     """
+    if type(query) is not Tensor:  # traced, or only a shape: its range is unknown
+        return fused_attention(query, key, value)
     low, high = query.aminmax(dim=2, keepdim=True)
     least, most = key.aminmax(dim=2, keepdim=True)
     widest = ((high - low) * (most - least)).max().item() / _STEP

@@ -145,8 +145,8 @@ class AttentionLayer(nn.Module):
             attended = scalar_attention(q, k, v)
         else:
             dropout = attention.dropout if self.training else 0.0
-            # The CPU's kernel takes head dimension 1 as it is, those of GPUs want multiples of 8.
-            multiple = 1 if on_cpu else 8
+            # The CPU's kernel takes head dimension 1 as it is, CUDA's want multiples of 8.
+            multiple = 8 if query.device.type == "cuda" else 1
             attended = fused_attention(q, k, v, dropout=dropout, head_multiple=multiple)
         return attention.out_proj(attended.transpose(1, 2).flatten(2))  # type: ignore[no-any-return]
 

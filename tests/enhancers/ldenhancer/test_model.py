@@ -7,10 +7,12 @@ from pathlib import Path
 import pytest
 import torch
 import torch.nn.functional as F
+from torch._subclasses.fake_tensor import FakeTensorMode
 from torch.nn.attention import SDPBackend, sdpa_kernel
 
 from nat2024.errors import ArrayContract
 from nat2024.networks import bands
+from nat2024.networks.macs import count_macs
 from nat2024_enhancers.ldenhancer.attention import fused_attention
 from nat2024_enhancers.ldenhancer.model import LDEnhancerNet
 
@@ -149,6 +151,16 @@ def test_training_in_between_is_seen_at_the_next_inference(network, batch):
         after = network(batch)[0]
     assert not torch.allclose(after, before, atol=1e-4)
     torch.testing.assert_close(after, network(batch)[0].detach(), rtol=0, atol=1e-6)
+
+
+def test_its_cost_is_the_published_one_even_where_only_shapes_are_known(network):
+    assert count_macs(network, torch.zeros(1, 3, 256, 256)) == 1_722_695_680
+    with torch.device("meta"):
+        assert count_macs(LDEnhancerNet().eval(), torch.zeros(1, 3, 256, 256)) == 1_722_695_680
+    with FakeTensorMode(allow_non_fake_inputs=True):
+        assert count_macs(network, torch.zeros(1, 3, 256, 256)) == 1_722_695_680
+    with torch.no_grad():  # no value of the fake mode was kept
+        assert type(network(torch.zeros(1, 3, 32, 32))[0]) is torch.Tensor
 
 
 def test_inference_leaves_its_input_and_its_weights_alone(network, batch):
