@@ -1,6 +1,7 @@
 """Typed cards: what a plugin is, whose work it is, and where its weights are to be had."""
 
 import re
+from collections.abc import Mapping
 from importlib.resources import files
 from typing import Literal
 
@@ -65,9 +66,10 @@ class Card(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
         needs_weights: whether the plugin runs only with weights.
         parameters: trainable numbers in the network, 0 where it has none.
         macs: multiply-accumulates of convolutions, linear layers and attention products (no
-            elementwise work) for one 256x256 image with the default options; of a tracker for one
-            search crop through backbone, neck and the whole head, as the authors' code computes it
-            in every frame.
+            elementwise work) for one 256x256 image; of a tracker for one search crop through
+            backbone, neck and the whole head, as the authors' code computes it in every frame.
+        macs_options: the options that `macs` are counted with, where the default ones leave a part
+            of the network out.
         template_macs: the same for the template crop of a tracker through backbone and neck.
         keys: a few entries of its state dict, as `KEY (SHAPE)`, that together tell a checkpoint of
             this network from those of all others.
@@ -92,6 +94,7 @@ class Card(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
     needs_weights: bool = False
     parameters: int = 0
     macs: int = 0
+    macs_options: dict[str, bool | int | float | str] = {}
     template_macs: int = 0
     keys: tuple[str, ...] = ()
     variant: str = ""
@@ -129,7 +132,9 @@ def describe_card(card: Card) -> dict[str, tuple[str, ...]]:
         "Paper": (card.paper,),
         "Authors' code": (card.code,),
         "Licence of the code": (card.code_licence,),
-        "Network": tuple(_describe_network(network) for network in card.networks),
+        "Network": tuple(
+            _describe_network(network, card.macs_options) for network in card.networks
+        ),
         "Weights": tuple(_describe_file(file) for file in card.weights),
         "Colour order": (card.colour_order,),
         "Sizes": (card.size_rule,),
@@ -152,7 +157,7 @@ def short_count(count: int) -> str:
     return str(count)
 
 
-def _describe_network(network: NetworkFacts) -> str:
+def _describe_network(network: NetworkFacts, options: Mapping[str, object]) -> str:
     if not network.parameters:
         return ""
     variant = f"variant {network.variant}: " if network.variant else ""
@@ -164,6 +169,8 @@ def _describe_network(network: NetworkFacts) -> str:
         )
     elif network.macs:
         text += f", {short_count(network.macs)} multiply-accumulates for a 256x256 image"
+        if options:
+            text += f" ({', '.join(f'{key}={value}' for key, value in options.items())})"
     return text
 
 

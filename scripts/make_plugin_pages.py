@@ -24,7 +24,7 @@ What comes with nat-bench, with the facts that every plugin states in its card. 
 `nat-bench list --json` all of it for programs.
 
 Multiply-accumulates (MACs) are those of convolutions, linear layers and attention products for one
-256x256 image with the default options; elementwise work is not counted. Official weights stay with
+256x256 image; elementwise work is not counted. Official weights stay with
 their authors: nat-bench neither ships nor downloads them, and [registers the file that you
 have](weights.md).
 
