@@ -23,6 +23,7 @@ Chosen: TypeAlias = tuple[Item, int]
 _INSET_SHARE = 0.22  # side of an inset by the shorter side of the image
 _SMALLEST_INSET = 8
 _DARK, _SATURATED = 0.05, 0.98
+_DIM = 0.1
 _LAMP = 0.4  # luma from which a pixel counts as lit by itself
 
 
@@ -144,10 +145,11 @@ def choose_insets(image: Image) -> tuple[Inset, ...]:
 def _detail(light: Floats, mean: Floats, w: int, h: int) -> Floats:
     """How much there is to see in each dark window: mean slope in stops; -1 where a lamp is in."""
     stops = np.log2(light + 1 / 32)  # noise in black counts little
-    down, right = np.gradient(stops) if min(light.shape) > 1 else (stops * 0, stops * 0)
+    down = np.diff(stops, axis=0, append=stops[-1:])
+    right = np.diff(stops, axis=1, append=stops[:, -1:])
     slope = _window_means(np.hypot(down, right), w, h)
     lamps = _window_means((light > _LAMP).astype(np.float64), w, h)
-    dark = (mean <= np.quantile(mean, 0.6)) & (lamps <= np.quantile(lamps, 0.3) + 1e-9)
+    dark = (mean <= max(np.quantile(mean, 0.6), _DIM)) & (lamps <= np.quantile(lamps, 0.3) + 1e-9)
     return np.where(dark, slope, -1.0)
 
 

@@ -223,14 +223,14 @@ def figure_bytes(figure: "Figure", ending: str) -> bytes:
         ending: one of `ENDINGS`.
     """
     kind = {".jpeg": "jpg"}.get(ending.lower(), ending.lower().lstrip("."))
-    empty: dict[str, Any] = {
+    undated: dict[str, dict[str, Any]] = {
         "pdf": {"metadata": {"CreationDate": None, "Creator": None, "Producer": None}},
         "png": {"metadata": {"Software": None}},
         "jpg": {"pil_kwargs": {"quality": 92}},
-    }[kind]
+    }
     buffer = io.BytesIO()
     with figure_style():
-        figure.savefig(buffer, format=kind, **empty)
+        figure.savefig(buffer, format=kind, **undated[kind])
     return buffer.getvalue()
 
 
