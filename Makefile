@@ -17,7 +17,7 @@ $(READY): pyproject.toml
 
 # The bundled sample night_mini, tracked without and with an enhancer, ending in the table.
 run: $(READY)
-	$(BIN)/nat-bench run --tracker mil --enhancer none --enhancer clahe --results $(RESULTS)
+	$(BIN)/nat-bench run --tracker fdsst --enhancer none --enhancer clahe --results $(RESULTS)
 
 test: lint types contracts suite
 

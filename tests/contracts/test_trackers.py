@@ -28,4 +28,11 @@ def test_opencv_nano(shared, variant):
 
 
 def test_the_list_of_trackers_is_no_shorter_than_this():
-    assert set(nat2024.list_trackers()) >= {"siamrpnpp", "opencv_nano", "mil"}
+    assert set(nat2024.list_trackers()) >= {
+        "siamrpnpp",
+        "opencv_nano",
+        "mil",
+        "mosse",
+        "kcf",
+        "fdsst",
+    }

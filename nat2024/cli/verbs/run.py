@@ -26,9 +26,8 @@ SAMPLE = "night_mini"
     "--tracker",
     "trackers",
     multiple=True,
-    required=True,
     metavar="NAME[@LABEL]",
-    help="Repeatable.",
+    help=f"Repeatable; left out: {shared.DEFAULT_TRACKER}.",
 )
 @click.option(
     "--enhancer",
@@ -99,7 +98,7 @@ def command(
 
     shared.load_plugins(plugins)
     combinations = combine(
-        trackers,
+        shared.choose_trackers(trackers),
         enhancers,
         options=shared.read_plugin_options(opts),
         weights=shared.read_pairs(weights, "--weights"),

@@ -271,7 +271,8 @@ def test_synthesize_writes_a_dataset_and_never_over_another(tmp_path: Path, cli:
     ("words", "told"),
     [
         ("rnu", "no such command 'rnu'; closest: run"),
-        ("run", "Missing option '--tracker'"),
+        ("run --quiet --dataset {clip} --opt still.step=1", "still"),
+        ("run --quiet --dataset {clip} --weights siamrpnpp=absent.pth", "siamrpnpp"),
         ("run --tracker stil --dataset {clip}", "unknown tracker 'stil'; closest: still"),
         ("run --tracker still --enhancer gama --dataset {clip}", "unknown enhancer 'gama'"),
         ("run --tracker still --dataset nothing_here", "nothing_here"),
@@ -372,6 +373,21 @@ def test_debug_shows_the_traceback(cli: Any, tmp_path: Path) -> None:
     status, _, err = cli("eval", "--results", tmp_path / "absent", "--debug")
     assert status == 2
     assert "Traceback" in err
+
+
+def test_without_a_tracker_fdsst_runs(
+    cli: Any, small_plugins: str, night_clip: Path, tmp_path: Path
+) -> None:
+    words = ("run", "--enhancer", "none", "--dataset", night_clip, "--results", tmp_path)
+    status, out, err = cli(*words)
+    assert status == 0
+    assert "nat-bench: no --tracker given, taking fdsst" in err.splitlines()
+    assert "fdsst" in out
+    runs = [folder.name for folder in (tmp_path / "night_clip").iterdir() if folder.is_dir()]
+    assert runs == ["fdsst"]
+    status, _, err = cli(*words, "--tracker", "still")
+    assert status == 0
+    assert "no --tracker given" not in err
 
 
 def test_without_a_dataset_the_sample_is_taken(
