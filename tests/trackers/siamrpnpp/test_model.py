@@ -6,8 +6,9 @@ import pytest
 import torch
 
 from nat2024.errors import InvalidOption
+from nat2024_trackers.siamese.correlation import depthwise_correlation
 from nat2024_trackers.siamrpnpp.anchors import AnchorDecoder, anchor_boxes
-from nat2024_trackers.siamrpnpp.model import SiamRPN, depthwise_correlation
+from nat2024_trackers.siamrpnpp.model import SiamRPN
 from nat2024_trackers.siamrpnpp.variants import VARIANTS, find_variant
 
 RECIPE = Path(__file__).resolve().parents[2] / "data" / "siamrpn_alex_recipe.json"

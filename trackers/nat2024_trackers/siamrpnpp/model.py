@@ -7,9 +7,9 @@ STVIR/pysot. Crops are float32 (n, 3, side, side), 0..255, BGR, without mean or 
 from typing import TypeAlias
 
 import torch
-import torch.nn.functional as F
 from torch import Tensor, nn
 
+from nat2024_trackers.siamese.correlation import depthwise_correlation
 from nat2024_trackers.siamrpnpp.alexnet import AlexNet
 from nat2024_trackers.siamrpnpp.mobilenet import MobileNetV2
 from nat2024_trackers.siamrpnpp.resnet import ResNet50
@@ -26,23 +26,6 @@ _BACKBONES: dict[Backbone, type[AlexNet] | type[MobileNetV2] | type[ResNet50]] =
 _HEAD_CHANNELS = 256
 _TEMPLATE_LIMIT = 20
 _TEMPLATE_CELLS = 7
-
-
-def depthwise_correlation(search: Tensor, kernel: Tensor) -> Tensor:
-    """Correlate every channel of every sample with its own kernel.
-
-    Args:
-        search: (n, c, h, w).
-        kernel: (n, c, p, q).
-
-    Returns:
-        (n, c, h - p + 1, w - q + 1).
-    """
-    count, channels = kernel.shape[:2]
-    flat = search.reshape(1, count * channels, *search.shape[2:])
-    filters = kernel.reshape(count * channels, 1, *kernel.shape[2:])
-    result = F.conv2d(flat, filters, groups=count * channels)
-    return result.reshape(count, channels, *result.shape[2:])
 
 
 def _conv_norm(channels_in: int, channels_out: int, size: int) -> nn.Sequential:
