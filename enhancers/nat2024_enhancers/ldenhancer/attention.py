@@ -58,7 +58,7 @@ def scalar_attention(query: Tensor, key: Tensor, value: Tensor) -> Tensor:
     cell = place.floor().clamp(0, cells - 1)
     place = place - cell
     chosen = polynomials.gather(2, cell.long().expand(-1, -1, -1, _POINTS))
-    answer = chosen[..., -1:]
+    answer: Tensor = chosen[..., -1:]
     for power in range(_POINTS - 2, -1, -1):
         answer = answer * place + chosen[..., power : power + 1]
     return answer.to(query.dtype)

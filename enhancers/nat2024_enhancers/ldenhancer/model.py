@@ -217,7 +217,8 @@ class CurveEstimation(nn.Module):
         for layer in (self.e_conv1, self.e_conv2, self.e_conv3, self.e_conv4, self.e_conv5):
             factor = 2 if layer is self.e_conv5 else 1
             bias: Tensor | None = layer.bias * factor if layer.bias is not None else None
-            for weight in (layer.weight * factor).split(16, dim=1):
+            parts = 1 if layer.in_channels <= 16 else 2
+            for weight in (layer.weight * factor).chunk(parts, dim=1):
                 prepared.append((weight.contiguous(memory_format=torch.channels_last), bias))
                 bias = None
         return prepared
@@ -326,7 +327,7 @@ class LDEnhancerNet(nn.Module):
             content -= self.light_estimation.sigmoids(features.O2, start, stop)
             band = enhanced[..., rows, :]
             halves = amount[..., rows, :].copy_(content)
-            for step in halves.split(_GROUP, dim=1):
+            for step in halves.chunk(channels // _GROUP, dim=1):
                 band.addcmul_(step, band * band - band, value=2 * self.sign)
             halves.mul_(2)
         return enhanced, features.O2, amount
