@@ -163,14 +163,18 @@ def _merge(
     size = starts[-1]
     batch = (target.shape[0], merged.rows, merged.columns)
     front = schur.new_zeros(*batch, size, size + 1)
-    pairs = (schur[:, :, 0::2], schur[:, :, 1::2]) if axis == 1 else (schur[:, 0::2], schur[:, 1::2])
+    pairs = (
+        (schur[:, :, 0::2], schur[:, :, 1::2]) if axis == 1 else (schur[:, 0::2], schur[:, 1::2])
+    )
     for second, part in enumerate(pairs):
         _add(front, part, cells, _places(cells, starts, axis, second))
     corners = (starts[0] + cells.width, starts[1] + cells.width)
     if axis == 0:
         corners = (starts[2] + cells.height, starts[3] + cells.height)
     _add_separator(front, system, target, cells, axis, corners)
-    solution = torch.linalg.solve_ex(front[..., :length, :length], front[..., :length, length:]).result
+    solution = torch.linalg.solve_ex(
+        front[..., :length, :length], front[..., :length, length:]
+    ).result
     flat = front.flatten(0, 2)
     rest = torch.baddbmm(
         flat[:, length:, length:], flat[:, length:, :length], solution.flatten(0, 2), alpha=-1
@@ -270,9 +274,7 @@ def _finish(system: FivePoint, t: Tensor, schur: Tensor, height: int, width: int
         (system.left, 0, -1),
         (system.right, 0, 1),
     ):
-        i, j = torch.nonzero(
-            (y[:, None] + dy == y) & (x[:, None] + dx == x), as_tuple=True
-        )
+        i, j = torch.nonzero((y[:, None] + dy == y) & (x[:, None] + dx == x), as_tuple=True)
         dense[:, i, j] += part[:, y[i], x[i]]
     t[:, y, x] = torch.linalg.solve_ex(dense[..., :-1], dense[..., -1:]).result[..., 0]
 
