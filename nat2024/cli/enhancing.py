@@ -250,8 +250,9 @@ def write_maps(
             name = item.title(index)
             try:
                 maps, order = compute_maps(enhancer, item.read(index).image, feed)
-            except NatBenchError as error:
-                _log.error("%s, maps of %s: %s", title, name, error)
+            except (Exception, SystemExit) as error:  # a plugin may fail in any way
+                kind = "" if isinstance(error, NatBenchError) else f"{type(error).__name__}: "
+                _log.error("%s, maps of %s: %s%s", title, name, kind, error)
                 continue
             if not maps:
                 _log.info("%s has no maps", title)

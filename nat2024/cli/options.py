@@ -16,6 +16,9 @@ if TYPE_CHECKING:
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
+SAMPLE = "night_mini"
+"""The dataset that comes with nat-bench."""
+
 DEFAULT_TRACKER = "fdsst"
 """What runs where no tracker is named: it needs no weights, and repeats itself."""
 
@@ -156,6 +159,14 @@ def read_plugin_options(texts: Iterable[str]) -> dict[str, dict[str, str]]:
             raise UsageError(msg)
         options.setdefault(plugin, {})[name] = value
     return options
+
+
+def choose_dataset(dataset: str | None) -> str:
+    """The dataset of `--dataset`; where none is named the bundled sample, which is said."""
+    if dataset is not None:
+        return dataset
+    logging.getLogger("nat2024").info("no --dataset given, taking the sample %s", SAMPLE)
+    return SAMPLE
 
 
 def choose_trackers(trackers: tuple[str, ...]) -> tuple[str, ...]:

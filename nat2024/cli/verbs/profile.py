@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("nat2024")
 
-SAMPLE = "night_mini"
-
 
 @click.command()
 @shared.trackers_option
@@ -88,7 +86,7 @@ def command(
     )
     if fresh_weights:
         combinations = [_with_fresh_weights(combination) for combination in combinations]
-    chosen = load_dataset(dataset or SAMPLE, root)
+    chosen = load_dataset(shared.choose_dataset(dataset), root)
     measured = profile(
         combinations,
         chosen[sequence] if sequence else next(iter(chosen)),

@@ -18,36 +18,16 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("nat2024")
 
-SAMPLE = "night_mini"
-
 
 @click.command()
-@click.option(
-    "--tracker",
-    "trackers",
-    multiple=True,
-    metavar="NAME[@LABEL]",
-    help=f"Repeatable; left out: {shared.DEFAULT_TRACKER}.",
-)
-@click.option(
-    "--enhancer",
-    "enhancers",
-    multiple=True,
-    default=("none",),
-    show_default=True,
-    metavar="NAME[@LABEL]",
-    help="Repeatable; every tracker runs with every enhancer.",
-)
+@shared.trackers_option
+@shared.enhancers_option
 @shared.dataset_option
 @shared.root_option
 @shared.results_option
 @shared.weights_option
 @shared.opts_option
-@click.option(
-    "--scope",
-    type=click.Choice(["patch", "frame"]),
-    help="Enhance the tracker's crops or the whole frame; left out, each tracker's own default.",
-)
+@shared.scope_option
 @shared.device_option
 @click.option("--workers", type=int, default=1, show_default=True, help="Processes.")
 @click.option("--threads", type=int, default=1, show_default=True, help="Threads of each worker.")
@@ -105,10 +85,7 @@ def command(
         scope=scope,
         device=shared.choose_device(device),
     )
-    source = dataset or SAMPLE
-    if dataset is None:
-        log.info("no --dataset given, taking the sample %s", SAMPLE)
-    chosen = _load(source, root, sequences, lenient)
+    chosen = _load(shared.choose_dataset(dataset), root, sequences, lenient)
     with ProgressBar(len(combinations) * sum(map(len, chosen))) as progress:
         report = run_benchmark(
             combinations,
