@@ -2,16 +2,14 @@
 
 from nat2024.enhancing.feeding import Feed, compute_maps, enhance_unrounded
 from nat2024.enhancing.pictures import Picture, read_picture
-from nat2024.enhancing.running import (
+from nat2024.enhancing.reporting import (
     Enhanced,
     EnhancementReport,
     Failure,
     Observation,
     Observer,
-    count_images,
-    create_enhancers,
-    enhance_images,
 )
+from nat2024.enhancing.running import count_images, create_enhancers, enhance_images
 from nat2024.enhancing.sources import ImageItem, Source, VideoItem, find_source
 
 __all__ = [

@@ -10,7 +10,7 @@ import numpy as np
 
 from nat2024.datasets.frames import IMAGE_EXTENSIONS
 from nat2024.enhancing.pictures import read_picture
-from nat2024.enhancing.running import Observation
+from nat2024.enhancing.reporting import Observation
 from nat2024.errors import DatasetIncomplete, DatasetNotFound, UsageError
 from nat2024.images import image_to_batch
 from nat2024.measures.adaptivity import BORDER, Adaptivity, Pixels, measure_adaptivity

@@ -7,13 +7,18 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeAlias
 
-import msgspec
-
 from nat2024.devices import check_device
 from nat2024.engine.plan import PluginSpec, plugin_record, plugin_specs, refuse_unused
 from nat2024.enhancing.annotation import write_annotation
-from nat2024.enhancing.feeding import Feed, enhance, enhance_unrounded
+from nat2024.enhancing.feeding import Feed, enhance
 from nat2024.enhancing.pictures import Picture, encode_picture
+from nat2024.enhancing.reporting import (
+    Enhanced,
+    EnhancementReport,
+    Failure,
+    Observation,
+    Observer,
+)
 from nat2024.enhancing.settings import EnhancementRecord, open_folder
 from nat2024.enhancing.sources import ImageItem, Item, Source, VideoItem, find_source
 from nat2024.enhancing.videos import VIDEO_ENDING, VideoFile, can_be_video
@@ -29,78 +34,6 @@ Progress: TypeAlias = Callable[[int, str], Any]
 """Called with the images done since the last call, and what they belong to."""
 
 MAPS_FOLDER = "maps"
-
-
-@dataclass(frozen=True, slots=True)
-class Observation:
-    """One image before and after an enhancer, handed to an observer.
-
-    Attributes:
-        title: `NAME[@LABEL]` of the enhancer.
-        name: of the image, from the top of the input.
-        enhancer: that made it.
-        before: uint8 (H, W, 3) BGR.
-        after: uint8 (H, W, 3) BGR, as it is stored.
-        feed: how the enhancer was fed.
-    """
-
-    title: str
-    name: str
-    enhancer: Enhancer
-    before: Image
-    after: Image
-    feed: Feed
-
-    def unrounded(self) -> Any:
-        """`after` as float32 (H, W, 3) BGR in 0..1 before rounding; enhances once more."""
-        return enhance_unrounded(self.enhancer, self.before, self.feed)
-
-
-Observer: TypeAlias = Callable[[Observation], Any]
-
-
-class Failure(msgspec.Struct, frozen=True):
-    """An image that could not be enhanced, and why."""
-
-    enhancer: str
-    image: str
-    reason: str
-
-
-class Enhanced(msgspec.Struct, frozen=True):
-    """What one enhancer did.
-
-    Attributes:
-        enhancer: `NAME[@LABEL]`.
-        folder: of its images.
-        written: images, or frames of videos, that were enhanced now.
-        finished_before: that were there already.
-        failed: that could not be enhanced.
-    """
-
-    enhancer: str
-    folder: str
-    written: int
-    finished_before: int
-    failed: int
-
-
-class EnhancementReport(msgspec.Struct, frozen=True):
-    """What `enhance_images` did.
-
-    Attributes:
-        source: the input.
-        kind: how it was read: `image`, `images`, `video` or `dataset`.
-        images: number of images, or frames of videos.
-        enhancers: what each enhancer did.
-        failures: images that could not be enhanced.
-    """
-
-    source: str
-    kind: str
-    images: int
-    enhancers: tuple[Enhanced, ...]
-    failures: tuple[Failure, ...]
 
 
 @dataclass(slots=True)
@@ -371,11 +304,10 @@ def _video(job: _Job, item: VideoItem) -> None:
     try:
         finished = find_video(job.folder, item) is not None
         if not finished or job.observer:
-            for index, image in _frames(job, item, write=not finished):
+            for index, _ in _frames(job, item, write=not finished):
                 where = item.title(index)
                 done += 1
                 job.progress(1, job.title)
-                del image
     except _ONE_IMAGE as error:
         job.fail(item, where, error, count)
     else:
