@@ -18,7 +18,7 @@ from nat2024.networks.bands import bands_of, run_in_bands
 _FEATURES = 32
 _STEPS = 8
 _HALO = 7  # one 3x3 convolution a layer
-_CURVE_BAND = 1 << 14  # pixels whose eight steps stay in the processor's cache
+_CURVE_BAND = 1 << 15  # pixels whose eight steps stay in the processor's cache
 
 
 class Separable(nn.Module):
