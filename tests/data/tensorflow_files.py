@@ -1,4 +1,4 @@
-"""Writes TensorFlow checkpoints (tensor bundles) with nothing but struct, for tests of the reader."""
+"""Writes TensorFlow checkpoints (tensor bundles) by hand, for tests of the reader."""
 
 import struct
 

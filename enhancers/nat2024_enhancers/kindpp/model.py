@@ -8,6 +8,7 @@ Images are float32 (N, 3, H, W) in 0..1, illuminations (N, 1, H, W), sides multi
 """
 
 import math
+from typing import cast
 
 import torch
 import torch.nn.functional as F
@@ -155,7 +156,7 @@ class Restoration(nn.Module):
 
     def _attend(self, name: str, x: Tensor, light: Tensor) -> Tensor:
         guided = x * self.get_submodule(name)(light)
-        merge = self.get_submodule(f"{name}multi_scale_feature")
+        merge = cast("nn.Conv2d", self.get_submodule(f"{name}multi_scale_feature"))
         # One scale after the other, without copying all of them together.
         of_guided, *of_scales = merge.weight.chunk(4, dim=1)
         answer = F.conv2d(guided, of_guided, merge.bias)

@@ -84,16 +84,16 @@ def solve(system: FivePoint, target: Tensor) -> Tensor:
         F.pad(system.centre, extra, value=1.0), *(F.pad(part, extra) for part in system[1:])
     )
     t = F.pad(target, extra)
-    levels = [(None, first, *_start(padded, t, first))]
+    solution, schur = _start(padded, t, first)
+    levels: list[tuple[int | None, _Cells, Tensor]] = [(None, first, solution)]
     cells = first
     for axis, merged in first.merged():
-        schur = levels[-1][3]
-        levels[-1] = (*levels[-1][:3], None)
-        levels.append((axis, merged, *_merge(padded, t, cells, merged, axis, schur)))
+        solution, schur = _merge(padded, t, cells, merged, axis, schur)
+        levels.append((axis, merged, solution))
         cells = merged
-    _finish(padded, t, levels[-1][3], height, width)
-    for axis, cells, solution, _ in reversed(levels):
-        _substitute(t, cells, axis, solution)
+    _finish(padded, t, schur, height, width)
+    for joined, cells, solution in reversed(levels):
+        _substitute(t, cells, joined, solution)
     return t[:, 1 : height + 1, 1 : width + 1]
 
 
@@ -109,10 +109,16 @@ def _divide(size: int) -> tuple[int, int]:
     return count, pitch
 
 
+def _split(part: Tensor, axis: int, pitch: int) -> Tensor:
+    """A view with the axis cut into blocks of `pitch`."""
+    shape = part.shape
+    return part.view(*shape[:axis], -1, pitch, *shape[axis + 1 :])
+
+
 def _inner(part: Tensor, cells: _Cells) -> Tensor:
     """Values of the pixels of cells, (N, rows, columns, height, width)."""
     high, wide = cells.pitches
-    blocks = part[:, 1:, 1:].unflatten(2, (-1, wide)).unflatten(1, (-1, high))
+    blocks = _split(_split(part[:, 1:, 1:], 2, wide), 1, high)
     return blocks[:, :, : cells.height, :, : cells.width].transpose(2, 3)
 
 
@@ -121,11 +127,11 @@ def _sides(parts: tuple[Tensor, Tensor, Tensor, Tensor], cells: _Cells) -> list[
     high, wide = cells.pitches
     top, bottom, left, right = parts
     horizontal = [
-        part[..., 1:].unflatten(2, (-1, wide))[..., : cells.width]
+        _split(part[..., 1:], 2, wide)[..., : cells.width]
         for part in (top[:, :-1:high], bottom[:, high::high])
     ]
     vertical = [
-        part[:, 1:].unflatten(1, (-1, high))[:, :, : cells.height].transpose(2, 3)
+        _split(part[:, 1:], 1, high)[:, :, : cells.height].transpose(2, 3)
         for part in (left[..., :-1:wide], right[..., wide::wide])
     ]
     return horizontal + vertical
@@ -179,7 +185,7 @@ def _merge(
     rest = torch.baddbmm(
         flat[:, length:, length:], flat[:, length:, :length], solution.flatten(0, 2), alpha=-1
     )
-    return solution, rest.unflatten(0, batch)
+    return solution, rest.view(*batch, *rest.shape[1:])
 
 
 def _offsets(cells: _Cells, start: int) -> list[int]:
@@ -229,7 +235,7 @@ def _add_separator(
     high, wide = cells.pitches if axis == 1 else cells.pitches[::-1]
 
     def line(part: Tensor) -> Tensor:
-        columns = part[:, 1:, wide :: 2 * wide].unflatten(1, (-1, high))
+        columns = _split(part[:, 1:, wide :: 2 * wide], 1, high)
         return turn(columns[:, :, :-1].transpose(2, 3))
 
     def turn(values: Tensor) -> Tensor:
@@ -284,12 +290,12 @@ def _substitute(t: Tensor, cells: _Cells, axis: int | None, solution: Tensor) ->
     known = torch.cat(_sides((t, t, t, t), cells), dim=-1)
     value = solution[..., -1] - (solution[..., :-1] @ known.unsqueeze(-1))[..., 0]
     if axis is None:
-        _inner(t, cells).copy_(value.unflatten(-1, (cells.height, cells.width)))
+        _inner(t, cells).copy_(value.view(*value.shape[:-1], cells.height, cells.width))
         return
     high, wide = cells.pitches
     if axis == 1:
-        middle = t[:, 1:, wide // 2 :: wide].unflatten(1, (-1, high))
+        middle = _split(t[:, 1:, wide // 2 :: wide], 1, high)
         middle[:, :, :-1].copy_(value.transpose(2, 3))
     else:
-        middle = t[:, high // 2 :: high, 1:].unflatten(2, (-1, wide))
+        middle = _split(t[:, high // 2 :: high, 1:], 2, wide)
         middle[..., :-1].copy_(value)

@@ -42,7 +42,7 @@ def smoothness_by_texture(guess: Map, sigma: float, eps: float) -> Smoothness:
     """
     taps = _gaussian(sigma)
     taps /= taps.sum()
-    blurred = cv2.sepFilter2D(guess, -1, taps, taps, borderType=cv2.BORDER_CONSTANT)
+    blurred = _blur(guess, taps)
     length = np.maximum(np.hypot(*_forward(guess)), _SHARPNESS)
     strengths = [1.0 / np.maximum(np.abs(part), eps) for part in _forward(blurred)]
     strengths[0][:, -1] = 0.0
@@ -58,18 +58,21 @@ def smoothness_by_window(guess: Map, sigma: float, eps: float) -> Smoothness:
     """
     taps = _gaussian(sigma)
 
-    def window(values: Map) -> Map:
-        summed: Map = cv2.sepFilter2D(values, -1, taps, taps, borderType=cv2.BORDER_CONSTANT)
-        return summed
-
-    total = window(np.ones_like(guess))
+    total = _blur(np.ones_like(guess), taps)
     strengths, weights = [], []
     for kernel in (_CORRELATION, _CORRELATION.T):
-        change = cv2.filter2D(guess, -1, kernel, borderType=cv2.BORDER_REFLECT_101)
-        strength = total / (np.abs(window(change)) + eps)
+        filtered = cv2.filter2D(guess, -1, kernel, borderType=cv2.BORDER_REFLECT_101)
+        change = np.asarray(filtered, dtype=np.float64)
+        strength = total / (np.abs(_blur(change, taps)) + eps)
         strengths.append(strength)
         weights.append(strength / (np.abs(change) + eps))
     return Smoothness(*strengths, *weights)
+
+
+def _blur(values: Map, taps: Map) -> Map:
+    """Weighted sums over rows and columns, with zeros outside."""
+    summed = cv2.sepFilter2D(values, -1, taps, taps, borderType=cv2.BORDER_CONSTANT)
+    return np.asarray(summed, dtype=np.float64)
 
 
 def _gaussian(sigma: float) -> Map:

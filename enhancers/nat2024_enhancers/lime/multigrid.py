@@ -21,7 +21,7 @@ _OFFSETS = [(dy, dx) for dy in (-1, 0, 1) for dx in (-1, 0, 1)]
 
 
 def apply_stencil(stencil: Tensor, t: Tensor, points: int = 9) -> Tensor:
-    """The left-hand side for `t` (..., H, W); with 5 points the corners of the stencil are left out."""
+    """The left-hand side for `t` (..., H, W); 5 points leave out the corners of the stencil."""
     height, width = t.shape[-2:]
     padded = F.pad(t, (1, 1, 1, 1))
     answer = stencil[1, 1] * t
@@ -107,7 +107,8 @@ class Multigrid:
 
     def _cycle(self, level: int, target: Tensor) -> Tensor:
         if level == len(self._levels):
-            return (self._inverse @ target.flatten()).view_as(target)
+            solved: Tensor = self._inverse @ target.flatten()
+            return solved.view_as(target)
         stencil, points, inverse, interpolate = self._levels[level]
         first, *others = _DAMPINGS
         t = inverse * target * first

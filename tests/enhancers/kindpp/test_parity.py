@@ -1,4 +1,4 @@
-"""Equality with the official code: official decomposition and adjustment, restoration by formula."""
+"""Equality with the official code: restoration with weights from a formula."""
 
 import json
 

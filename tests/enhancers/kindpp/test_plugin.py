@@ -56,10 +56,10 @@ def test_what_is_missing_is_named(tmp_path, variables):
     write_folders(tmp_path, variables, ["decom_model", "illu_model"])
     with pytest.raises(WeightsMismatch, match=r"restoration \(restoration_model\); .* all three"):
         create_enhancer("kindpp", weights=tmp_path)
-    with pytest.raises(WeightsMismatch, match="decomposition .* and restoration"):
+    with pytest.raises(WeightsMismatch, match=r"decomposition .* and restoration"):
         create_enhancer("kindpp", weights=tmp_path / "illu_model" / "model.ckpt.index")
     (tmp_path / "empty").mkdir()
-    with pytest.raises(WeightsMismatch, match="holds no TensorFlow checkpoint"):
+    with pytest.raises(WeightsMismatch, match=r"holds no TensorFlow checkpoint"):
         create_enhancer("kindpp", weights=tmp_path / "empty")
 
 
@@ -67,17 +67,17 @@ def test_two_checkpoints_of_one_network_are_refused(tmp_path, variables):
     write_folders(tmp_path, variables, ["illu_model"])
     other = {k: v + 1 for k, v in variables.items() if k.startswith("I_enhance_Net/")}
     files.write_checkpoint(tmp_path / "illu_model" / "model.ckpt-2", other)
-    with pytest.raises(WeightsMismatch, match="keep one checkpoint of each network"):
+    with pytest.raises(WeightsMismatch, match=r"keep one checkpoint of each network"):
         create_enhancer("kindpp", weights=tmp_path)
 
 
 def test_pickles_in_an_npz_are_refused(tmp_path):
     path = tmp_path / "evil.npz"
     np.savez(path, weights=np.array([{"a": 1}], dtype=object))
-    with pytest.raises(WeightsMismatch, match="not a readable .npz file of plain arrays"):
+    with pytest.raises(WeightsMismatch, match=r"not a readable .npz file of plain arrays"):
         create_enhancer("kindpp", weights=path)
     path.write_bytes(b"PK\x03\x04 no archive")
-    with pytest.raises(WeightsMismatch, match="not a readable .npz"):
+    with pytest.raises(WeightsMismatch, match=r"not a readable .npz"):
         create_enhancer("kindpp", weights=path)
 
 
@@ -91,7 +91,7 @@ def test_sides_are_padded_and_cut_back_or_cropped(enhancer, weights):
     assert torch.equal(enhancer.enhance_batch(batch), expected)
     cropping = create_enhancer("kindpp", weights=weights, clamp=False, size_rule="crop")
     assert cropping.enhance_batch(batch).shape[-2:] == (8, 12)
-    with pytest.raises(ArrayContract, match="at least 4 pixels a side, not 13x3"):
+    with pytest.raises(ArrayContract, match=r"at least 4 pixels a side, not 13x3"):
         cropping.enhance_batch(batch[..., :3, :])
 
 
@@ -125,7 +125,7 @@ def test_adjustment_follows_its_ratio(enhancer, weights):
 
 @pytest.mark.parametrize("ratio", [0.0, -1.0, float("nan"), float("inf")])
 def test_wrong_ratios_are_refused(ratio):
-    with pytest.raises(InvalidOption, match="ratio must be a finite number above 0"):
+    with pytest.raises(InvalidOption, match=r"ratio must be a finite number above 0"):
         create_enhancer("kindpp", weights=False, ratio=ratio)
 
 
