@@ -13,7 +13,7 @@ from nat2024.datasets.reading import Place
 from nat2024.datasets.records import frame_files
 from nat2024.datasets.schema import INDEX_FILE, FrameFiles, encode_dataset
 from nat2024.datasets.video import VIDEO_EXTENSIONS, VideoFrames
-from nat2024.enhancing.videos import VIDEO_ENDING
+from nat2024.datasets.video_writing import VIDEO_ENDING
 from nat2024.errors import FrameUnreadable
 from nat2024.files import write_atomic
 

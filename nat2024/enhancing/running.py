@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeAlias
 
+from nat2024.datasets.video_writing import VIDEO_ENDING, VideoFile, can_be_video
 from nat2024.devices import check_device
 from nat2024.engine.plan import PluginSpec, plugin_record, plugin_specs, refuse_unused
 from nat2024.enhancing.annotation import write_annotation
@@ -21,7 +22,6 @@ from nat2024.enhancing.reporting import (
 )
 from nat2024.enhancing.settings import EnhancementRecord, open_folder
 from nat2024.enhancing.sources import ImageItem, Item, Source, VideoItem, find_source
-from nat2024.enhancing.videos import VIDEO_ENDING, VideoFile, can_be_video
 from nat2024.errors import FrameUnreadable, NatBenchError, UsageError
 from nat2024.files import remove_leftovers, write_atomic
 from nat2024.interfaces import Enhancer
