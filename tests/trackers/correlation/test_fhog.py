@@ -119,3 +119,11 @@ def test_the_strongest_channel_speaks():
     assert direction[0, 4, 4] == 4 or direction[0, 4, 4] == 5  # 90 degrees lies between 80 and 100
     assert magnitude[0, 0, 4] == 10
     assert direction[0, 0, 4] == 0
+
+
+def test_strips_leave_no_seams():
+    """A patch worked on in many strips has the features of one worked on at once."""
+    patch = np.random.default_rng(5).integers(0, 256, (1, 64, 1024, 3)).astype(np.float32)
+    whole = FHOG(16, 256, 4)(patch)
+    narrow = FHOG(16, 20, 4)(np.ascontiguousarray(patch[:, :, :80]))
+    np.testing.assert_allclose(whole[..., :18], narrow[..., :18], atol=1e-5)

@@ -74,7 +74,7 @@ def test_the_others_keep_their_size(name, scene):
 GOLDEN = {
     "mosse": [142.9259, 73.1569, 54.0],
     "kcf": [142.8249, 73.1519, 54.0],
-    "fdsst": [143.1669, 72.9071, 54.0],
+    "fdsst": [142.7801, 72.7087, 54.0],
 }
 """Centre and height after seven frames of `clip`, by this code (numpy 2.4, OpenCV 5.0)."""
 

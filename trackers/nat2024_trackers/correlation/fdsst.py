@@ -22,8 +22,8 @@ from nat2024_trackers.correlation.windows import Window, hann_window, target_win
 
 PADDING = 2.0
 CELL = 4
-AREA = 200.0**2
-"""Samples in the search window, as in ECO-HC."""
+AREA = 160.0**2
+"""Samples in the search window."""
 
 SIGMA = 1 / 16
 """Width of the label, as a share of the target's mean side."""

@@ -29,6 +29,10 @@ TEXTURE_WEIGHT = 0.2357
 EPSILON = 1e-4
 
 
+_STRIP_PIXELS = 8192
+"""Pixels that are worked on at once: intermediate results stay in the processor's cache."""
+
+
 @dataclass(frozen=True, slots=True)
 class FHOG:
     """The transform for patches of one size; what depends only on the size is computed once.
@@ -63,22 +67,34 @@ class FHOG:
         Returns:
             float32 (n, 31, rows, columns): directions without sign, with sign, block energies.
         """
-        magnitude, direction = strongest_gradients(patches)
-        return normalise(self._histograms(magnitude, direction))
+        total = np.zeros((len(patches), DIRECTIONS, self.rows + 2, self.columns + 2))
+        row_pixels = len(patches) * self.columns * self.cell**2
+        strip = max(1, _STRIP_PIXELS // row_pixels)
+        for first in range(0, self.rows, strip):
+            last = min(self.rows, first + strip)
+            total[:, :, first : last + 2] += self._strip(patches, first, last)
+        return normalise(total[..., 1:-1, 1:-1].astype(np.float32))
 
-    def _histograms(self, magnitude: Array, direction: npt.NDArray[np.intp]) -> Array:
-        """float32 (n, 18, rows, columns): magnitudes shared among the four cells around."""
-        count = len(magnitude)
-        height, width = self.rows + 2, self.columns + 2
-        maps = np.arange(count)[:, None, None] * DIRECTIONS + direction
-        places = (maps * (height * width) + self._places).ravel()
-        length = count * DIRECTIONS * height * width
+    def _strip(self, patches: Array, first: int, last: int) -> npt.NDArray[np.float64]:
+        """Magnitudes of some rows of cells, shared among the four cells around each pixel.
+
+        float64 (n, 18, last - first + 2, columns + 2): with a row and a column of cells around.
+        """
+        top, bottom = first * self.cell, last * self.cell
+        above = min(top, 1)  # a pixel more on either side, for the differences
+        magnitude, direction = strongest_gradients(patches[:, top - above : bottom + 1])
+        inside = slice(above, above + bottom - top)
+        magnitude, direction = magnitude[:, inside].astype(np.float64), direction[:, inside]
+        width, pixels = self.columns + 2, slice(0, bottom - top)
+        cells = (last - first + 2) * width
+        maps = direction + DIRECTIONS * np.arange(len(patches))[:, None, None]
+        places = (maps * cells + self._places[pixels]).ravel()
+        length = len(patches) * DIRECTIONS * cells
         total = np.zeros(length)
-        weights = magnitude.astype(np.float64)
         for offset, share in zip((0, 1, width, width + 1), self._shares, strict=True):
-            total[offset:] += np.bincount(places, (weights * share).ravel(), length - offset)
-        grid = total.reshape(count, DIRECTIONS, height, width)
-        return grid[..., 1:-1, 1:-1].astype(np.float32)
+            weights = (magnitude * share[pixels]).ravel()
+            total[offset:] += np.bincount(places, weights, length - offset)
+        return total.reshape(len(patches), DIRECTIONS, -1, width)
 
 
 def strongest_gradients(patches: Array) -> tuple[Array, npt.NDArray[np.intp]]:
