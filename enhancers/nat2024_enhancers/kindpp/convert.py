@@ -117,7 +117,7 @@ def _check_networks(state: StateDict, path: Path) -> None:
     missing = [text for name, text in _NETWORKS.items() if name not in there]
     if there and missing:
         msg = (
-            f"{path}: holds no weights of the network for {' and '.join(missing)}; KinD++ needs "
-            "all three: put the three checkpoint folders of the authors into one folder and pass that"
+            f"{path}: holds no weights of the network for {' and '.join(missing)}; needed are "
+            "all three: put the checkpoint folders of the authors into one folder, and pass it"
         )
         raise WeightsMismatch(msg)
