@@ -15,21 +15,24 @@ DATA = Path(__file__).resolve().parents[1] / "data"
 def make_procedural_state(recipe: dict[str, Any]) -> dict[str, Any]:
     """A state dict from a recipe: every number follows from the salt and its key.
 
-    `values` are taken as they are; anything but float32 is zero; all else is `offset + scale * g`
-    with g standard normal from PCG64 seeded by the crc32 of salt + key, absolute where `abs`.
+    `values` are taken as they are, `same_as` takes those of another key; anything but float32 is
+    zero; all else is `offset + scale * g` with g standard normal from PCG64 seeded by the crc32 of
+    salt + key, absolute where `abs`.
     """
     import torch
 
     state = {}
     for key, entry in recipe["tensors"].items():
         shape = entry["shape"]
+        source = entry.get("same_as", key)
+        entry = recipe["tensors"][source]
         if entry["dtype"] != "float32":
             state[key] = torch.zeros(shape, dtype=getattr(torch, entry["dtype"]))
             continue
         if "values" in entry:
             values = np.array(entry["values"], dtype=np.float32).reshape(shape)
         else:
-            seed = zlib.crc32((recipe["salt"] + key).encode())
+            seed = zlib.crc32((recipe["salt"] + source).encode())
             normal = np.random.Generator(np.random.PCG64(seed)).standard_normal(shape)
             normal = np.abs(normal) if entry.get("abs") else normal
             values = (entry["offset"] + entry["scale"] * normal).astype(np.float32)
@@ -88,6 +91,6 @@ def clip() -> tuple[list[np.ndarray], np.ndarray]:
     return make_clip()
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def gamma() -> Callable[..., Gamma]:
     return Gamma
