@@ -1,0 +1,1 @@
+"""LPAT of Fu et al., IROS 2022."""
