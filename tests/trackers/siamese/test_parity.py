@@ -64,6 +64,15 @@ ROWS = [
         every=9,
         slow=True,
     ),
+    Row("hift", "hift", ("cls1", "cls2", "loc"), updates=6, every=6),
+    Row(
+        "lpat",
+        "lpat",
+        ("cls2", "cls3", "loc"),
+        updates=6,
+        every=6,
+        runs=("plain", "gamma", "gamma_search_only"),
+    ),
 ]
 CASES = [
     pytest.param((row, run), marks=[pytest.mark.slow] if row.slow else [], id=f"{row.kit}-{run}")
