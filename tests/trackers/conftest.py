@@ -1,8 +1,9 @@
 """Procedural weights, generated clips and stand-in enhancers for the trackers' tests."""
 
 import json
+import math
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +39,32 @@ def make_procedural_state(recipe: dict[str, Any]) -> dict[str, Any]:
             values = (entry["offset"] + entry["scale"] * normal).astype(np.float32)
         state[key] = torch.from_numpy(values)
     return state
+
+
+def make_recipe(
+    network: Any, salt: str, special: Mapping[str, Mapping[str, Any]]
+) -> dict[str, Any]:
+    """A recipe for any network: entries follow from kind and shape, `special` overrides some.
+
+    Weights of layers keep the spread of their input, norms and their statistics are near 1 and 0,
+    biases are small. What a first layer and a last one need is `special`, by key.
+    """
+    kinds = {
+        "running_var": {"offset": 1.0, "scale": 0.1, "abs": True},
+        "running_mean": {"offset": 0.0, "scale": 0.1},
+        "bias": {"offset": 0.0, "scale": 0.05},
+        "in_proj_bias": {"offset": 0.0, "scale": 0.05},
+        "weight": {"offset": 1.0, "scale": 0.1},
+    }
+    tensors = {}
+    for key, value in network.state_dict().items():
+        entry = {"shape": list(value.shape), "dtype": str(value.dtype).removeprefix("torch.")}
+        if value.ndim > 1:
+            entry |= {"offset": 0.0, "scale": 1 / math.sqrt(math.prod(value.shape[1:]))}
+        else:
+            entry |= kinds.get(key.rpartition(".")[2], {"offset": 0.5, "scale": 0.1})
+        tensors[key] = entry | dict(special.get(key, {}))
+    return {"salt": salt, "tensors": tensors}
 
 
 def read_recipe() -> dict[str, Any]:
@@ -78,6 +105,11 @@ class Gamma:
 @pytest.fixture(scope="session")
 def procedural_state() -> Callable[[dict[str, Any]], dict[str, Any]]:
     return make_procedural_state
+
+
+@pytest.fixture(scope="session")
+def recipe_of() -> Callable[..., dict[str, Any]]:
+    return make_recipe
 
 
 @pytest.fixture(scope="session")
