@@ -2,8 +2,7 @@
 
     python docs/figures/first_run.py
 
-runs the tracker MIL on `night_mini` (it is not repeatable, so the curves move a little from run to
-run) and writes `first_run.png` beside this file.
+runs the tracker fdsst on `night_mini` and writes `first_run.png` beside this file.
 """
 
 import tempfile
@@ -21,8 +20,8 @@ from nat2024.store import RunFolder
 
 HERE = Path(__file__).parent
 TRUTH, PLAIN, ENHANCED = "#ffffff", "#e69f00", "#56b4e9"
-SEQUENCE = "boat1"
-SHOWN = (0, 31, 62)
+SEQUENCE = "car1"
+SHOWN = (0, 36, 72)
 
 
 def main() -> None:
@@ -30,7 +29,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         work = Path(folder)
         dataset = nat2024.load_dataset("night_mini")
-        run_benchmark(combine(["mil"], ["none", "clahe"]), dataset, work / "results")
+        run_benchmark(combine(["fdsst"], ["none", "clahe"]), dataset, work / "results")
         evaluation = nat2024.evaluate(work / "results", dataset)
         draw(dataset, work / "results" / "night_mini", evaluation)
 
@@ -42,7 +41,7 @@ def draw(dataset: nat2024.Dataset, runs: Path, evaluation: nat2024.Evaluation) -
     figure, axes = plt.subplots(
         2, 4, figsize=(12, 3.9), layout="constrained", width_ratios=[1.6, 1.6, 1.6, 1.35]
     )
-    rows = (("mil", "MIL", PLAIN, None), ("mil+clahe", "MIL + CLAHE", ENHANCED, clahe))
+    rows = (("fdsst", "fDSST", PLAIN, None), ("fdsst+clahe", "fDSST + CLAHE", ENHANCED, clahe))
     for row, (run, title, colour, enhancer) in enumerate(rows):
         boxes = RunFolder(runs / run).boxes(sequence.name)
         for column, frame in enumerate(SHOWN):
