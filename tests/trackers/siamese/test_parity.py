@@ -64,6 +64,8 @@ ROWS = [
         every=9,
         slow=True,
     ),
+    Row("siamapn", "siamapn", ("cls1", "cls2", "cls3", "loc", "anchors")),
+    Row("siamapnpp", "siamapnpp", ("cls1", "cls2", "cls3", "loc", "anchors")),
     Row("hift", "hift", ("cls1", "cls2", "loc"), updates=6, every=6),
     Row(
         "lpat",

@@ -1,0 +1,1 @@
+"""SiamAPN of Fu et al., ICRA 2021."""

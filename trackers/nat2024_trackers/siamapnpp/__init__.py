@@ -1,0 +1,1 @@
+"""SiamAPN++ of Cao et al., IROS 2021."""
