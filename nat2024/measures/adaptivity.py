@@ -57,6 +57,7 @@ FIXED = "a fixed tone curve"
 FIXED_COLOURS = "a fixed colour map"
 BETWEEN = "adapts between images"
 INSIDE = "adapts inside images"
+UNTOLD = "no tone curve; too few colours repeat to tell more"
 SINGLE = "a tone curve or colour map in one image; others would tell whether it is fixed"
 NONE = "no effect"
 
@@ -144,24 +145,28 @@ def judge(images: int, effect: float, curve: float, colour: float, image_colour:
     curve" where one curve per channel explains it, "a fixed colour map" where one function of the
     three channels does (one curve of the luminance, for example), "adapts between images" where a
     function of the three channels for each image does, else "adapts inside images": what becomes
-    of a pixel depends on where it is or on what surrounds it. One image alone cannot tell whether
-    what explains it is fixed.
+    of a pixel depends on where it is or on what surrounds it. Where no curve explains it and too few
+    colours repeat, nothing more is said. One image alone cannot tell whether what explains it is
+    fixed.
 
     Args:
         images: number of images.
         effect: root mean square.
         curve: share that one curve per channel explains.
         colour: share that one map of colours explains; NaN counts as unknown.
-        image_colour: share that a curve or a map of colours per image explains.
+        image_colour: share that a curve or a map of colours per image explains; NaN where no curve
+            does and too few colours repeat.
     """
     if effect < NO_EFFECT:
         return NONE
-    if images == 1:
-        return SINGLE if max(curve, image_colour) >= EXPLAINED else INSIDE
     if curve >= EXPLAINED:
-        return FIXED
-    if not image_colour >= EXPLAINED:
+        return FIXED if images > 1 else SINGLE
+    if np.isnan(image_colour):
+        return UNTOLD
+    if image_colour < EXPLAINED:
         return INSIDE
+    if images == 1:
+        return SINGLE
     return FIXED_COLOURS if colour >= EXPLAINED else BETWEEN
 
 
@@ -243,7 +248,7 @@ class _Sums:
         explained, by_image, colour, image_colour = (
             float("nan") if none or energy <= 0 else 1 - left / energy for left, energy in models
         )
-        best = float(np.fmax(by_image, image_colour))
+        best = by_image if by_image >= EXPLAINED else image_colour
         border = sum(self.border) / self.border_values if self.border_values else float("nan")
         return Adaptivity(
             images=images,

@@ -75,9 +75,9 @@ def test_a_gain_by_place_adapts_inside_images() -> None:
 def test_a_gain_that_falls_where_surroundings_are_bright() -> None:
     def suppress(x):
         local = cv2.blur(x.mean(axis=2), (7, 7))[..., None]
-        return x * 2 * (local + 0.02) ** -0.25
+        return x * 2 * (local + 0.02) ** -0.5
 
-    found = of(suppress)
+    found = of(suppress, COARSE)
     assert found.verdict == adaptivity.INSIDE
     assert found.gain_per_stop < -0.05
     assert abs(of(lambda x: 2 * x).gain_per_stop) < 1e-9
@@ -106,6 +106,15 @@ def test_noise_is_no_adaptation_between_colours_by_chance() -> None:
     assert found.verdict == adaptivity.INSIDE
 
 
+@pytest.mark.parametrize("count", [1, 2])
+def test_where_no_colour_repeats_nothing_is_said_of_places(count) -> None:
+    random = np.random.default_rng(0)
+    images = [random.integers(0, 256, (64, 64, 3), dtype=np.uint8) for _ in range(count)]
+    found = of(lambda x: x.mean(axis=-1, keepdims=True).repeat(3, axis=-1), images)
+    assert math.isnan(found.explained_by_image_colour)
+    assert found.verdict == adaptivity.UNTOLD  # it is a fixed colour map, but nothing shows it
+
+
 def test_uint8_answers_and_one_image() -> None:
     image = IMAGES[0]
     table = (255 * (np.arange(256) / 255) ** 0.5).round().astype(np.uint8)
@@ -125,7 +134,7 @@ def test_uint8_answers_and_one_image() -> None:
         ((0.998, 0.998, 0.999), adaptivity.BETWEEN),
         ((0.998, math.nan, 0.999), adaptivity.BETWEEN),
         ((0.998, 0.998, 0.998), adaptivity.INSIDE),
-        ((0.998, math.nan, math.nan), adaptivity.INSIDE),
+        ((0.998, math.nan, math.nan), adaptivity.UNTOLD),
     ],
 )
 def test_verdicts_follow_the_thresholds(shares, verdict) -> None:
