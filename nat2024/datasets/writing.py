@@ -75,4 +75,12 @@ def encode_image(image: Image, extension: str, quality: int = 95) -> bytes:
     if extension.lower() not in IMAGE_EXTENSIONS:
         msg = f"extension {extension!r} is none of {', '.join(sorted(IMAGE_EXTENSIONS))}"
         raise UsageError(msg)
-    return bytes(cv2.imencode(extension, image, [cv2.IMWRITE_JPEG_QUALITY, quality])[1])
+    return bytes(cv2.imencode(extension, image, encoding_options(extension, quality))[1])
+
+
+def encoding_options(extension: str, quality: int) -> list[int]:
+    """What `cv2.imencode` is told for a kind of file; it warns of an option of another kind."""
+    import cv2
+
+    is_jpeg = extension.lower() in (".jpg", ".jpeg")
+    return [cv2.IMWRITE_JPEG_QUALITY, quality] if is_jpeg else []

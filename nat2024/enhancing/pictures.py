@@ -13,10 +13,10 @@ import numpy.typing as npt
 
 from nat2024.datasets.archives import read_bytes
 from nat2024.datasets.decoding import decode_image
+from nat2024.datasets.writing import encoding_options
 from nat2024.errors import FrameUnreadable
 from nat2024.types import Image
 
-_JPEG = (".jpg", ".jpeg")
 _PNG = b"\x89PNG\r\n\x1a\n"
 _DEPTH, _COLOUR_TYPE = 24, 25  # places of these bytes in a PNG file
 _WITH_ALPHA = (4, 6)
@@ -86,8 +86,7 @@ def encode_picture(image: Image, like: Picture, extension: str, quality: int) ->
         stored = np.dstack([image, like.alpha])
     elif is_grey(like.image) and is_grey(image):
         stored = image[..., 0]
-    is_jpeg = extension.lower() in _JPEG  # OpenCV remarks on an option of another kind of file
-    options = [cv2.IMWRITE_JPEG_QUALITY, quality] if is_jpeg else []
+    options = encoding_options(extension, quality)
     try:
         done, data = cv2.imencode(extension, np.ascontiguousarray(stored), options)
     except cv2.error:

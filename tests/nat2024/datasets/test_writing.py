@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from nat2024.datasets import load_dataset, write_sequence
+from nat2024.datasets.writing import encode_image
 from nat2024.errors import ArrayContract, UsageError
 
 
@@ -31,3 +32,10 @@ def test_nothing_is_overwritten_and_names_stay_inside(tmp_path, make):
         write_sequence(tmp_path, "e", [frame], ".txt")
     with pytest.raises(ArrayContract):
         write_sequence(tmp_path, "c", [(np.zeros((3, 3)), frame[1])])
+
+
+@pytest.mark.parametrize("extension", [".png", ".bmp", ".JPG"])
+def test_only_jpeg_has_a_quality(make, extension, capfd):
+    fine, coarse = (encode_image(make.image(), extension, quality) for quality in (95, 5))
+    assert (len(coarse) < len(fine)) == (extension == ".JPG")
+    assert capfd.readouterr().err == ""  # OpenCV warns of an option of another kind of file
