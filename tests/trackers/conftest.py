@@ -67,6 +67,16 @@ def make_recipe(
     return {"salt": salt, "tensors": tensors}
 
 
+def make_crops(count: int, seed: int = 3) -> tuple[Any, Any]:
+    """Dim template and search crops, float32 (count, 3, 127, 127) and (count, 3, 287, 287)."""
+    import torch
+
+    random = np.random.Generator(np.random.PCG64(seed))
+    coarse = random.integers(4, 60, (count, 3, 41, 41)).repeat(7, axis=2).repeat(7, axis=3)
+    search = torch.from_numpy(coarse.astype(np.float32))
+    return search[..., 80:207, 80:207].clone(), search
+
+
 def read_recipe() -> dict[str, Any]:
     return json.loads((DATA / "siamrpn_alex_recipe.json").read_text())
 
@@ -110,6 +120,11 @@ def procedural_state() -> Callable[[dict[str, Any]], dict[str, Any]]:
 @pytest.fixture(scope="session")
 def recipe_of() -> Callable[..., dict[str, Any]]:
     return make_recipe
+
+
+@pytest.fixture(scope="session")
+def crops() -> Callable[..., tuple[Any, Any]]:
+    return make_crops
 
 
 @pytest.fixture(scope="session")
