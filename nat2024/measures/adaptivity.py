@@ -145,9 +145,9 @@ def judge(images: int, effect: float, curve: float, colour: float, image_colour:
     curve" where one curve per channel explains it, "a fixed colour map" where one function of the
     three channels does (one curve of the luminance, for example), "adapts between images" where a
     function of the three channels for each image does, else "adapts inside images": what becomes
-    of a pixel depends on where it is or on what surrounds it. Where no curve explains it and too few
-    colours repeat, nothing more is said. One image alone cannot tell whether what explains it is
-    fixed.
+    of a pixel depends on where it is or on what surrounds it. Where no curve explains it and too
+    few colours repeat, nothing more is said. One image alone cannot tell whether what explains it
+    is fixed.
 
     Args:
         images: number of images.
