@@ -74,8 +74,8 @@ class ScoreHeads(nn.Module):
         if not may_derive(self):
             return self.cls1(classes), self.cls2(classes), self.cls3(classes), offsets
         weight, bias = self._joined()
-        first, second, third = F.conv2d(classes, weight, bias, padding=1).split((2, 2, 1), dim=1)
-        return first, second, third, offsets
+        scores = F.conv2d(classes, weight, bias, padding=1)
+        return scores[:, :2], scores[:, 2:4], scores[:, 4:], offsets
 
     def _join(self) -> tuple[Tensor, Tensor]:
         """The three classifiers as one convolution."""

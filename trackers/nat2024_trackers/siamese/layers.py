@@ -24,8 +24,9 @@ class Layers(nn.Sequential):
     def forward(self, maps: Tensor) -> Tensor:
         """All layers after each other."""
         if not may_derive(self):
-            plain: Tensor = super().forward(maps)
-            return plain
+            for layer in self:
+                maps = layer(maps)
+            return maps
         folded = self._folded()
         maps = maps.contiguous(memory_format=torch.channels_last)
         for number, layer in enumerate(self):
