@@ -77,7 +77,9 @@ def test_the_card_is_complete(name):
     if card.weights or plugin_kind(name) == "enhancer":
         wanted.append("size_rule")
     if card.weights:
-        wanted += ["paper", "code", "code_licence", "state", "parameters", "needs_weights"]
+        wanted += ["paper", "code", "code_licence", "state", "needs_weights"]
+        # No number is told of what could not be run.
+        wanted += [] if card.state.startswith("untested") else ["parameters"]
     missing = [field for field in wanted if not getattr(card, field)]
     assert not missing, f"{name}: the card has no {', '.join(missing)}"
     for file in card.weights:
@@ -102,12 +104,16 @@ def test_networks_are_counted_for_all_that_have_one():
         ("siamrpnpp", "alex", 6.47, 0.71),
         ("siamrpnpp", "mobilev2", 7.00, 0.86),
         ("siamrpnpp", "r50", 48.81, 10.65),
+        ("nanotrack", "v1", 0.069, 0.012),
+        ("nanotrack", "v2", 0.078, 0.012),
+        ("nanotrack", "v3", 0.109, 0.015),
     ],
 )
 def test_trackers_agree_with_independent_counts(name, variant, search, template):
     (network,) = (n for n in CARDS[name].networks if n.variant == variant)
-    assert round(network.macs / 1e9, 2) == search
-    assert round(network.template_macs / 1e9, 2) == template
+    digits = 2 if search > 1 else 3
+    assert round(network.macs / 1e9, digits) == search
+    assert round(network.template_macs / 1e9, digits) == template
 
 
 @pytest.mark.parametrize(

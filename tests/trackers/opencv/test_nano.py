@@ -86,7 +86,7 @@ def test_only_the_two_files_count_for_the_digest(kit, tmp_path):
 @pytest.mark.shared
 @pytest.mark.parametrize(
     ("version", "words"),
-    [("v2", "of NanoTrack variant v2, not of variant v1"), ("v3", "v3, which OpenCV cannot run")],
+    [("v2", "of NanoTrack v2; pass variant=v2"), ("v3", "v3, which OpenCV's tracker cannot run")],
 )
 def test_official_names_of_another_version_are_recognised(kit, tmp_path, version, words):
     for part in ("backbone", "head"):

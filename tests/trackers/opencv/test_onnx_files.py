@@ -55,9 +55,13 @@ def test_a_missing_half_is_named(tmp_path, names, missing):
         find_pair(fill(tmp_path, *names), "v1")
 
 
-def test_files_of_version_3_cannot_run(tmp_path):
-    with pytest.raises(WeightsMismatch, match="v3, which OpenCV cannot run"):
-        find_pair(fill(tmp_path, *ALL[4:]), "v1")
+def test_files_of_version_3_cannot_run_in_opencvs_tracker(tmp_path):
+    folder = fill(tmp_path, *ALL[4:])
+    with pytest.raises(WeightsMismatch, match=r"v3, which OpenCV's tracker cannot.*of v1 or v2"):
+        find_pair(folder, "v1", ("v1", "v2"))
+    with pytest.raises(WeightsMismatch, match="is of NanoTrack v3; pass variant=v3"):
+        find_pair(folder, "v1")
+    assert find_pair(folder, "v3").head.name == "nanotrackv3_head.onnx"
 
 
 def test_files_of_the_other_variant_say_which_to_pass(tmp_path):

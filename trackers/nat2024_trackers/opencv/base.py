@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from nat2024.errors import NatBenchError
+from nat2024.errors import NatBenchError, WeightsMismatch
 from nat2024.interfaces import Tracker
 from nat2024.types import Box, Image
 
@@ -57,6 +57,40 @@ class OpenCVTracker(Tracker):
         if found:
             self._box = np.array(box, dtype=np.float64)
         return self._box.copy(), score
+
+    def forget(self) -> None:
+        """Drop the OpenCV tracker of the current sequence."""
+        self._tracker = None
+
+
+def finite_score(tracker: Any) -> float:
+    """OpenCV's score of the latest update; 0 where it is no finite number."""
+    score = float(tracker.getTrackingScore())
+    return score if np.isfinite(score) else 0.0
+
+
+def try_out(tracker: OpenCVTracker, files: str, hint: str = "") -> None:
+    """One frame through the networks of a tracker, so that a wrong file is told at creation.
+
+    Args:
+        tracker: as just created.
+        files: what its weights are, for the error.
+        hint: what may be wrong with them, for the error.
+
+    Raises:
+        WeightsMismatch: OpenCV stops with an error.
+    """
+    image = np.zeros((64, 64, 3), dtype=np.uint8)
+    box = np.array([24.0, 24.0, 16.0, 16.0])
+    try:
+        tracker.start(image, box)
+        tracker.advance(image)
+    except OpenCVFailure as error:
+        what = f"no {tracker.card.title.partition(' (')[0]} networks that OpenCV can run"
+        msg = f"{files}: {what}{hint and f'; {hint}'} ({error})"
+        raise WeightsMismatch(msg) from None
+    finally:
+        tracker.forget()
 
 
 def integer_box(box: Box, image: Image) -> tuple[int, int, int, int]:

@@ -79,6 +79,12 @@ class SiameseTracker(Tracker):
         self._target: Target | None = None
 
     @property
+    def network(self) -> SiameseNetwork:
+        """What the loop runs: `model`, unless a subclass runs it outside PyTorch."""
+        network: SiameseNetwork = self.model
+        return network
+
+    @property
     def target(self) -> Target:
         """The state: where the target was last seen. It may be set, to go on from elsewhere."""
         return self._started()[1]
@@ -149,7 +155,7 @@ class SiameseTracker(Tracker):
 
         batch = self._batch(crops, enhanced=self.enhance_template)
         with torch.inference_mode():
-            features: Features = self.model.embed(batch)
+            features: Features = self.network.embed(batch)
         return features
 
     def _match(self, features: Sequence[Features], crops: Sequence[Image]) -> Maps:
@@ -158,7 +164,7 @@ class SiameseTracker(Tracker):
         batch = self._batch(crops, enhanced=True)
         with torch.inference_mode():
             joined = tuple(torch.cat(parts) for parts in zip(*features, strict=True))
-            outputs = self.model.match(joined, batch)
+            outputs = self.network.match(joined, batch)
         return tuple(output.float().cpu().numpy() for output in outputs)
 
     def _batch(self, crops: Sequence[Image], *, enhanced: bool) -> "torch.Tensor":

@@ -1,0 +1,1 @@
+"""NanoTrack of HonglinChu (SiamTrackers), versions 1, 2 and 3."""

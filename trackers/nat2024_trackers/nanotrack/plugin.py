@@ -1,0 +1,118 @@
+"""The tracker `nanotrack`."""
+
+from typing import TYPE_CHECKING, ClassVar, Literal
+
+import msgspec
+
+from nat2024.cards import Card, read_card
+from nat2024.errors import WeightsMismatch
+from nat2024.files import expand
+from nat2024.interfaces import BatchEnhancer, Scope, load_weights
+from nat2024.registry import register_tracker
+from nat2024.zoo import Weights, WeightsSpec, find_weights
+from nat2024_trackers.nanotrack.points import PointDecoder
+from nat2024_trackers.nanotrack.variants import VARIANTS, find_variant
+from nat2024_trackers.siamese.tracker import SiameseNetwork, SiameseTracker
+
+if TYPE_CHECKING:
+    import torch
+
+    from nat2024_trackers.nanotrack.onnx_network import OnnxNetwork
+    from nat2024_trackers.siamese.state import Constants
+
+_ONNX_CARD = read_card("nat2024_trackers.opencv", "nano.toml")
+
+
+@register_tracker("nanotrack")
+class NanoTrack(SiameseTracker):
+    """NanoTrack in the loop and with the constants of its authors, crops enhanced on request.
+
+    Attributes:
+        variant: which version it is.
+        runtime: what runs the network. With "opencv" there is no `model`.
+    """
+
+    card: ClassVar[Card] = read_card("nat2024_trackers.nanotrack")
+
+    def __init__(
+        self,
+        *,
+        weights: WeightsSpec = None,
+        enhancer: BatchEnhancer | None = None,
+        device: str = "cpu",
+        scope: Scope | None = None,
+        enhance_template: bool = True,
+        variant: str = "v3",
+        runtime: Literal["torch", "opencv"] = "torch",
+    ) -> None:
+        """Build the network and load its weights.
+
+        Args:
+            weights: a checkpoint path, False for fresh initial weights, None for the best at hand;
+                with runtime "opencv" a folder that holds one `*backbone*.onnx` and one
+                `*head*.onnx` of the variant.
+            enhancer: anything with `enhance_batch`.
+            device: where the network runs, such as "cpu" or "cuda:1"; with runtime "opencv" the
+                network runs on the CPU in any case, and this is for the enhancer.
+            scope: what is enhanced: "patch" (default) or "frame".
+            enhance_template: whether the template crop is enhanced too.
+            variant: "v1", "v2" or "v3".
+            runtime: "torch", or "opencv" for the ONNX files in `cv2.dnn`.
+
+        Raises:
+            InvalidOption: no such variant, or fresh weights with runtime "opencv".
+            WeightsMissing, WeightsMismatch: no weights, or of another network or variant.
+        """
+        self.variant = variant
+        self.runtime = runtime
+        constants = find_variant(variant)
+        build = self._build_onnx if runtime == "opencv" else self._build_torch
+        super().__init__(
+            build(weights, constants),
+            PointDecoder(constants),
+            constants,
+            enhancer=enhancer,
+            device=device,
+            scope=scope,
+            enhance_template=enhance_template,
+        )
+        self._network: SiameseNetwork = self.model
+        if runtime == "opencv":
+            del self.model  # it has no PyTorch weights that could be listed or loaded
+
+    @property
+    def network(self) -> SiameseNetwork:
+        """What the loop runs."""
+        return self._network if self.runtime == "opencv" else self.model
+
+    def _build_torch(self, weights: WeightsSpec, constants: "Constants") -> "torch.nn.Module":
+        del constants
+        from nat2024_trackers.nanotrack.model import NanoTrackNetwork
+
+        _refuse_onnx(weights)
+        files = tuple(file for file in self.card.weights if file.variant == self.variant)
+        card = msgspec.structs.replace(self.card, weights=files)
+        self.weights = find_weights(self.name, weights, card)
+        model = NanoTrackNetwork(self.variant)
+        load_weights(model, self.weights)
+        return model
+
+    def _build_onnx(self, weights: WeightsSpec, constants: "Constants") -> "OnnxNetwork":
+        from nat2024_trackers.nanotrack.onnx_network import OnnxNetwork
+        from nat2024_trackers.opencv.onnx_files import find_onnx_weights
+
+        files, self.weights = find_onnx_weights(
+            self.name, weights, _ONNX_CARD, self.variant, tuple(VARIANTS)
+        )
+        return OnnxNetwork(files, constants)
+
+
+def _refuse_onnx(weights: WeightsSpec) -> None:
+    """Say which option runs ONNX files, where these are given to PyTorch."""
+    path = weights.path if isinstance(weights, Weights) else weights
+    if not path:
+        return
+    path = expand(path)
+    if path.suffix.lower() == ".onnx" or (path.is_dir() and any(path.glob("*.onnx"))):
+        msg = f"{path}: ONNX files run with runtime=opencv; runtime=torch takes nanotrackv*.pth"
+        raise WeightsMismatch(msg)

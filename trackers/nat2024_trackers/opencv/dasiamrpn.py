@@ -1,0 +1,89 @@
+"""The tracker `opencv_dasiamrpn`: OpenCV's TrackerDaSiamRPN over three ONNX files."""
+
+import dataclasses
+from pathlib import Path
+from typing import Any, ClassVar
+
+import msgspec
+
+from nat2024.cards import Card, WeightsFile, read_card
+from nat2024.errors import InvalidOption, WeightsMissing
+from nat2024.interfaces import BatchEnhancer, Scope
+from nat2024.registry import register_tracker
+from nat2024.zoo import WeightsSpec, find_weights, sha256_of
+from nat2024_trackers.opencv.base import OpenCVTracker, finite_score, try_out
+
+_FILES = {
+    "model": "dasiamrpn_model.onnx",
+    "kernel_cls1": "dasiamrpn_kernel_cls1.onnx",
+    "kernel_r1": "dasiamrpn_kernel_r1.onnx",
+}
+
+
+@register_tracker("opencv_dasiamrpn")
+class OpenCVDaSiamRPN(OpenCVTracker):
+    """DaSiamRPN as OpenCV runs it."""
+
+    card: ClassVar[Card] = read_card("nat2024_trackers.opencv", "dasiamrpn.toml")
+
+    def __init__(
+        self,
+        *,
+        weights: WeightsSpec = None,
+        enhancer: BatchEnhancer | None = None,
+        device: str = "cpu",
+        scope: Scope | None = None,
+    ) -> None:
+        """Find the three networks and try them once.
+
+        Args:
+            weights: the folder that holds the three ONNX files under their published names.
+            enhancer: anything with `enhance_batch`; sees whole frames.
+            device: for the enhancer; the tracker itself runs on the CPU.
+            scope: only "frame".
+
+        Raises:
+            InvalidOption: fresh weights, which ONNX files do not have.
+            WeightsMissing: no folder, or files are not in it; says which.
+            WeightsMismatch: the files do not run.
+        """
+        super().__init__(enhancer=enhancer, device=device, scope=scope)
+        if weights is False:
+            msg = f"{self.name} has no fresh weights; pass the folder of its three ONNX files"
+            raise InvalidOption(msg)
+        found = find_weights(self.name, weights, _as_folder(self.card))
+        folder = found.path or Path()
+        if not folder.is_dir():
+            msg = f"weights of {self.name}: {folder}: pass the folder that holds the three files"
+            raise WeightsMissing(msg)
+        self._files = {part: folder / name for part, name in _FILES.items()}
+        missing = [path.name for path in self._files.values() if not path.is_file()]
+        if missing:
+            msg = f"{folder}: no {' and no '.join(missing)} in it; all three are needed"
+            raise WeightsMissing(msg)
+        files = tuple(self._files.values())
+        self.weights = dataclasses.replace(found, sha256=sha256_of(*files), files=files)
+        try_out(self, f"{folder}: {', '.join(_FILES.values())}")
+
+    def make(self) -> Any:
+        """A new tracker; the networks are read anew, so no state is left over."""
+        import cv2
+
+        parameters: Any = cv2.TrackerDaSiamRPN.Params()
+        for part, path in self._files.items():
+            setattr(parameters, part, str(path))
+        return cv2.TrackerDaSiamRPN.create(parameters)
+
+    def confidence(self, tracker: Any) -> float:
+        """OpenCV's score; 0 where it is no finite number."""
+        return finite_score(tracker)
+
+
+def _as_folder(card: Card) -> Card:
+    """The card with the three files as the one thing that a user has to get."""
+    names = ", ".join(file.name for file in card.weights)
+    first = card.weights[0]
+    folder = WeightsFile(
+        name=f"{names}, all in one folder", where=first.where, licence=first.licence
+    )
+    return msgspec.structs.replace(card, weights=(folder,))
