@@ -9,10 +9,9 @@ vision4robotics/LPAT. Crops are float32 (n, 3, side, side), 0..255, BGR, without
 from typing import TypeAlias
 
 import torch
-import torch.nn.functional as F
 from torch import Tensor, nn
 
-from nat2024.networks.folding import Derived, fold_batch_norm, may_derive
+from nat2024_trackers.hift.layers import halving_conv, head
 from nat2024_trackers.siamese.alexnet import AlexNet
 from nat2024_trackers.siamese.correlation import depthwise_correlation
 
@@ -21,48 +20,7 @@ CHANNELS = 192
 Levels: TypeAlias = tuple[Tensor, Tensor, Tensor]
 """Maps of stages 3, 4 and 5 of the backbone."""
 
-_GROUPS = 32
 _LARGEST_MAP = 50
-
-
-class HalvingConv(nn.Sequential):
-    """3x3 convolution with stride 2, batch norm, ReLU; one convolution at inference."""
-
-    def __init__(self, channels_in: int, channels_out: int) -> None:
-        """Build with fresh weights."""
-        super().__init__(
-            nn.Conv2d(channels_in, channels_out, 3, stride=2, padding=1, bias=False),
-            nn.BatchNorm2d(channels_out),
-            nn.ReLU(inplace=True),
-        )
-        self._folded = Derived(self, self._fold)
-
-    def forward(self, maps: Tensor) -> Tensor:
-        """(n, channels_in, s, s) to (n, channels_out, (s + 1) // 2, (s + 1) // 2)."""
-        if not may_derive(self):
-            halved: Tensor = super().forward(maps)
-            return halved
-        weight, bias = self._folded()
-        return F.conv2d(maps, weight, bias, stride=2, padding=1).relu_()
-
-    def _fold(self) -> tuple[Tensor, Tensor]:
-        convolution, norm, _ = self.children()
-        assert isinstance(convolution, nn.Conv2d)
-        assert isinstance(norm, nn.BatchNorm2d)
-        return fold_batch_norm(convolution, norm)
-
-
-def _head(*channels_out: int) -> nn.Sequential:
-    """Three convolutions, each with group norm and ReLU, and a last one where one is wanted."""
-    layers: list[nn.Module] = []
-    for _ in range(3):
-        layers += [
-            nn.Conv2d(CHANNELS, CHANNELS, 3, padding=1),
-            nn.GroupNorm(_GROUPS, CHANNELS),
-            nn.ReLU(inplace=True),
-        ]
-    layers += [nn.Conv2d(CHANNELS, channels, 3, padding=1) for channels in channels_out]
-    return nn.Sequential(*layers)
 
 
 class Grader(nn.Module):
@@ -79,11 +37,11 @@ class Grader(nn.Module):
                 and 5, (n, 192, s, s) each; it answers with one map of that shape.
         """
         super().__init__()
-        self.conv1 = HalvingConv(384, CHANNELS)
-        self.conv3 = HalvingConv(384, CHANNELS)
-        self.conv2 = HalvingConv(256, CHANNELS)
-        self.convloc = _head(4)
-        self.convcls = _head()
+        self.conv1 = halving_conv(384, CHANNELS)
+        self.conv3 = halving_conv(384, CHANNELS)
+        self.conv2 = halving_conv(256, CHANNELS)
+        self.convloc = head(CHANNELS, 4)
+        self.convcls = head(CHANNELS)
         self.row_embed = nn.Embedding(_LARGEST_MAP, CHANNELS // 2)
         self.col_embed = nn.Embedding(_LARGEST_MAP, CHANNELS // 2)
         for embedding in (self.row_embed, self.col_embed):
@@ -106,7 +64,7 @@ class Grader(nn.Module):
         )
         first = self.conv1(third)
         code = self.position_code(*first.shape[2:])
-        joined = self.transformer(code, first, self.conv3(fourth), self.conv2(fifth))
+        joined = self.transformer(code, first, self.conv3(fourth), self.conv2(fifth)).contiguous()
         classes = self.convcls(joined)
         return self.cls1(classes), self.cls2(classes), self.convloc(joined)
 

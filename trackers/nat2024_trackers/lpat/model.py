@@ -7,8 +7,8 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from nat2024.networks.folding import Derived, fold_batch_norm, may_derive
 from nat2024_trackers.hift.attention import Attention, to_maps, to_tokens
+from nat2024_trackers.hift.layers import MergedConv
 from nat2024_trackers.hift.network import CHANNELS, DistanceNetwork
 
 _HEADS = 8
@@ -33,33 +33,17 @@ def far_mask(height: int, width: int) -> Tensor:
     return (distance > _NEAR).float()
 
 
-class ConvNorm(nn.Module):
-    """Convolution that keeps the size, batch norm, ReLU; one convolution at inference."""
-
-    def __init__(
-        self, channels_in: int, channels_out: int, height: int = 1, width: int = 1
-    ) -> None:
-        """Build with fresh weights; the kernel is `height` x `width`, both odd."""
-        super().__init__()
-        self.conv = nn.Conv2d(
-            channels_in,
-            channels_out,
-            (height, width),
-            padding=(height // 2, width // 2),
-            bias=False,
-        )
-        self.bn = nn.BatchNorm2d(channels_out, eps=_EPSILON)
-        self._folded = Derived(self, self._fold)
-
-    def forward(self, maps: Tensor) -> Tensor:
-        """(n, channels_in, s, s) to (n, channels_out, s, s)."""
-        if not may_derive(self):
-            return F.relu(self.bn(self.conv(maps)))
-        weight, bias = self._folded()
-        return F.conv2d(maps, weight, bias, padding=self.conv.padding).relu_()
-
-    def _fold(self) -> tuple[Tensor, Tensor]:
-        return fold_batch_norm(self.conv, self.bn)
+def _conv_norm(channels_in: int, channels_out: int, height: int = 1, width: int = 1) -> MergedConv:
+    """Convolution that keeps the size, batch norm, ReLU; the kernel is `height` x `width`."""
+    convolution = nn.Conv2d(
+        channels_in,
+        channels_out,
+        (height, width),
+        padding=(height // 2, width // 2),
+        bias=False,
+    )
+    norm = nn.BatchNorm2d(channels_out, eps=_EPSILON)
+    return MergedConv(convolution, norm, ("conv", "bn"))
 
 
 class CorrectionNet(nn.Module):
@@ -68,11 +52,11 @@ class CorrectionNet(nn.Module):
     def __init__(self, channels: int) -> None:
         """Build with fresh weights."""
         super().__init__()
-        self.branch1 = ConvNorm(channels, _NARROW)
+        self.branch1 = _conv_norm(channels, _NARROW)
         self.branch2 = nn.Sequential(
-            ConvNorm(channels, _WIDE),
-            ConvNorm(_WIDE, _WIDE, width=3),
-            ConvNorm(_WIDE, _WIDE, height=3),
+            _conv_norm(channels, _WIDE),
+            _conv_norm(_WIDE, _WIDE, width=3),
+            _conv_norm(_WIDE, _WIDE, height=3),
         )
         self.conv_linear = nn.Conv2d(_NARROW + _WIDE, channels, 1, bias=False)
 
@@ -88,9 +72,9 @@ class LocalElementCoder(nn.Module):
     def __init__(self) -> None:
         """Build with fresh weights."""
         super().__init__()
-        self.cov_init = ConvNorm(2 * CHANNELS, _CODED)
+        self.cov_init = _conv_norm(2 * CHANNELS, _CODED)
         self.loc1 = CorrectionNet(_CODED)
-        self.cov2 = ConvNorm(_CODED, CHANNELS)
+        self.cov2 = _conv_norm(_CODED, CHANNELS)
 
     def forward(self, tokens: Tensor, other: Tensor, size: tuple[int, int]) -> Tensor:
         """Tokens (n, length, 192) of both to tokens; `size` is (rows, columns)."""
