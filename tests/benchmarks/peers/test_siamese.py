@@ -18,6 +18,8 @@ PEERS = [
     ("siamrpnpp", "siamrpn_alex_dwxcorr", ("cls", "loc")),
     ("siamapn", "siamapn", PROPOSALS),
     ("siamapnpp", "siamapnpp", PROPOSALS),
+    ("hift", "hift", ("cls1", "cls2", "loc")),
+    ("lpat", "lpat", ("cls2", "cls3", "loc")),
 ]
 
 

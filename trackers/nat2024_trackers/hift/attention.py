@@ -51,7 +51,7 @@ class Attention(nn.Module):
             rows = slice(len(found) * channels, (len(found) + same) * channels)
             projected = F.linear(source, self.in_proj_weight[rows], self.in_proj_bias[rows])
             found.extend(projected.chunk(same, dim=2))
-        return tuple(one.unflatten(2, (self.heads, -1)).transpose(1, 2) for one in found)
+        return tuple(one.reshape(*one.shape[:2], self.heads, -1).transpose(1, 2) for one in found)
 
 
 def to_tokens(maps: Tensor) -> Tensor:
@@ -61,4 +61,4 @@ def to_tokens(maps: Tensor) -> Tensor:
 
 def to_maps(tokens: Tensor, size: tuple[int, int]) -> Tensor:
     """Maps (n, c, h, w) of tokens (n, h * w, c); `size` is (h, w)."""
-    return tokens.transpose(1, 2).unflatten(2, size)
+    return tokens.transpose(1, 2).reshape(len(tokens), -1, *size)
