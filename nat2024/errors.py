@@ -88,3 +88,7 @@ class WrongNetwork(WeightsMismatch):
 
 class ResultConflict(NatBenchError):
     """A results folder that was made with other options, weights or scope."""
+
+
+class TrainingFailed(NatBenchError):
+    """A training whose numbers are no longer finite; its last good checkpoint is kept."""
