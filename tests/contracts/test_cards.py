@@ -104,6 +104,8 @@ def test_networks_are_counted_for_all_that_have_one():
         ("siamrpnpp", "alex", 6.47, 0.71),
         ("siamrpnpp", "mobilev2", 7.00, 0.86),
         ("siamrpnpp", "r50", 48.81, 10.65),
+        ("hift", "", 6.60, 0.71),
+        ("lpat", "", 6.52, 0.71),
         ("nanotrack", "v1", 0.069, 0.012),
         ("nanotrack", "v2", 0.078, 0.012),
         ("nanotrack", "v3", 0.109, 0.015),

@@ -1,5 +1,7 @@
 """Attention over the 121 cells of a map, with the keys of `torch.nn.MultiheadAttention`."""
 
+import itertools
+
 import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
@@ -41,16 +43,12 @@ class Attention(nn.Module):
     def _project(self, query: Tensor, key: Tensor, value: Tensor) -> tuple[Tensor, ...]:
         """Queries, keys and values, (n, heads, length, channels of a head) each."""
         channels = query.shape[2]
-        inputs = (query, key, value)
         found: list[Tensor] = []
-        while len(found) < len(inputs):
-            source = inputs[len(found)]
-            same = 1
-            while len(found) + same < len(inputs) and inputs[len(found) + same] is source:
-                same += 1
-            rows = slice(len(found) * channels, (len(found) + same) * channels)
-            projected = F.linear(source, self.in_proj_weight[rows], self.in_proj_bias[rows])
-            found.extend(projected.chunk(same, dim=2))
+        for _, run in itertools.groupby((query, key, value), key=id):
+            same = list(run)
+            rows = slice(len(found) * channels, (len(found) + len(same)) * channels)
+            projected = F.linear(same[0], self.in_proj_weight[rows], self.in_proj_bias[rows])
+            found.extend(projected.chunk(len(same), dim=2))
         return tuple(one.reshape(*one.shape[:2], self.heads, -1).transpose(1, 2) for one in found)
 
 
