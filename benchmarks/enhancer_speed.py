@@ -14,21 +14,27 @@ import argparse
 import importlib
 import json
 import math
-import os
-import platform
 import resource
-import statistics
-import subprocess
 import sys
-import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+from side_by_side import (
+    SIDES,
+    chosen,
+    in_fresh_process,
+    report,
+    shown,
+    shown_ms,
+    take_turns,
+    written_plainly,
+)
+
 HERE = Path(__file__).resolve()
-BEGIN, END = "<!-- speed table: begin -->", "<!-- speed table: end -->"
-SIDES = ("peer", "ours")
+MARKERS = ("<!-- speed table: begin -->", "<!-- speed table: end -->")
 
 
 @dataclass(frozen=True)
@@ -58,8 +64,8 @@ class Measured:
             f"`{case.enhancer}`",
             f"{case.width}x{case.height}",
             str(case.threads),
-            shown(self.peer_ms, ",.0f" if self.peer_ms >= 100 else ".1f"),
-            shown(self.ours_ms, ",.0f" if self.ours_ms >= 100 else ".1f"),
+            shown_ms(self.peer_ms),
+            shown_ms(self.ours_ms),
             shown(self.peer_ms / self.ours_ms, ".2f"),
             shown(self.peer_mb, ",.0f"),
             shown(self.ours_mb, ",.0f"),
@@ -74,17 +80,11 @@ nat-bench, MB | share of memory |
 | --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |"""
 
 
-def shown(value: float, form: str) -> str:
-    """The number, or a dash for NaN."""
-    return "-" if math.isnan(value) else format(value, form)
-
-
 def enhancers_with_peers() -> list[str]:
     """Names of registered enhancers that are written plainly in `peers/` as well."""
     from nat2024.registry import list_enhancers
 
-    written = {path.stem for path in (HERE.parent / "peers").glob("*.py")}
-    return sorted(written & set(list_enhancers()))
+    return written_plainly(list_enhancers())
 
 
 def side_of(name: str, side: str) -> Callable[[Any], Any]:
@@ -114,19 +114,9 @@ def time_both(case: Case, repeats: int, seconds: float) -> dict[str, float]:
 
     torch.set_num_threads(case.threads)
     batch = noise(case)
-    sides = {side: side_of(case.enhancer, side) for side in SIDES}
-    times: dict[str, list[float]] = {side: [] for side in SIDES}
-    begin = time.perf_counter()
+    sides = {side: partial(side_of(case.enhancer, side), batch) for side in SIDES}
     with torch.no_grad():
-        # The first round warms up, and counts only where there is no time for another.
-        for round_ in range(repeats + 1):
-            if round_ and time.perf_counter() - begin > seconds:
-                break
-            for side, enhance in sides.items():
-                start = time.perf_counter()
-                enhance(batch)
-                times[side].append(1000 * (time.perf_counter() - start))
-    return {side: statistics.median(all_[1:] or all_) for side, all_ in times.items()}
+        return take_turns(sides, repeats, seconds)
 
 
 def added_memory(case: Case, side: str) -> dict[str, float]:
@@ -154,23 +144,14 @@ def peak_resident_mb() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 1e6
 
 
-def in_fresh_process(case: Case, limit: float, **job: Any) -> dict[str, float]:
-    """Run this script's `time_both` or `added_memory`; NaN where it took too long or died."""
-    command = [sys.executable, str(HERE), "--job", json.dumps({"case": asdict(case), **job})]
-    environment = {**os.environ, "OMP_NUM_THREADS": str(case.threads)}
-    try:
-        done = subprocess.run(
-            command, env=environment, stdout=subprocess.PIPE, timeout=limit, check=True, text=True
-        )
-    except (subprocess.TimeoutExpired, subprocess.CalledProcessError) as error:
-        print(f"{case}: {type(error).__name__}", file=sys.stderr)
-        return dict.fromkeys(SIDES, math.nan)
-    answer: dict[str, float] = json.loads(done.stdout)
-    return answer
+def in_own_process(case: Case, limit: float, **job: Any) -> dict[str, float]:
+    """`time_both` or `added_memory` in a fresh process; NaN where it took too long or died."""
+    asked = {"case": asdict(case), **job}
+    return in_fresh_process(HERE, asked, threads=case.threads, limit=limit)
 
 
 def run_job(job: dict[str, Any]) -> dict[str, float]:
-    """In the fresh process: measure what `in_fresh_process` asked for."""
+    """In the fresh process: measure what `in_own_process` asked for."""
     case = Case(**job.pop("case"))
     return added_memory(case, **job) if "side" in job else time_both(case, **job)
 
@@ -188,12 +169,12 @@ def measure(
     for name in names:
         for width, height in sizes:
             memory = {
-                side: in_fresh_process(Case(name, width, height, threads[0]), limit, side=side)
+                side: in_own_process(Case(name, width, height, threads[0]), limit, side=side)
                 for side in SIDES
             }
             for count in threads:
                 case = Case(name, width, height, count)
-                times = in_fresh_process(case, limit, repeats=repeats, seconds=seconds)
+                times = in_own_process(case, limit, repeats=repeats, seconds=seconds)
                 yield Measured(
                     case,
                     times["peer"],
@@ -201,24 +182,6 @@ def measure(
                     memory["peer"]["peer"],
                     memory["ours"]["ours"],
                 )
-
-
-def machine() -> str:
-    """What the times were taken on, without naming anybody's machine."""
-    import torch
-
-    return (
-        f"Measured on {os.cpu_count()} cores ({platform.machine()}, "
-        f"{torch.backends.cpu.get_cpu_capability()}), PyTorch {torch.__version__}."
-    )
-
-
-def update(page: str, table: str) -> str:
-    """The page with what is between its markers replaced by `table`."""
-    if page.count(BEGIN) != 1 or page.count(END) != 1 or page.index(BEGIN) > page.index(END):
-        sys.exit(f"the page needs one line {BEGIN} and one line {END} after it")
-    head, tail = page.split(BEGIN)[0], page.split(END)[1]
-    return f"{head}{BEGIN}\n{table}\n{END}{tail}"
 
 
 def main() -> None:
@@ -237,11 +200,7 @@ def main() -> None:
     if given.job:
         print(json.dumps(run_job(given.job)))
         return
-    known = enhancers_with_peers()
-    names = given.only.split(",") if given.only else known
-    unknown = sorted(set(names) - set(known))
-    if unknown:
-        sys.exit(f"no enhancer with a plain form: {', '.join(unknown)}; known: {', '.join(known)}")
+    names = chosen(given.only, enhancers_with_peers(), "enhancer")
     try:
         sizes = [(int(w), int(h)) for w, h in (s.split("x") for s in given.sizes.split(","))]
         threads = [int(count) for count in given.threads.split(",")]
@@ -252,24 +211,11 @@ def main() -> None:
     for result in measure(names, sizes, threads, **settings):
         print(result.row(), file=sys.stderr)
         results.append(result)
-    report(results, as_json=given.json, page=given.update)
-
-
-def report(results: Sequence[Measured], *, as_json: bool, page: Path | None) -> None:
-    """Print the table, and write it into the page."""
-    table = "\n".join([machine(), "", HEADER, *(result.row() for result in results)])
-    if page is not None:
-        page.write_text(update(page.read_text(encoding="utf-8"), table), encoding="utf-8")
-    if as_json:
-        rows = [
-            {k: None if v != v else v for k, v in {**asdict(r.case), **asdict(r)}.items()}
-            for r in results
-        ]
-        for row in rows:
-            del row["case"]
-        print(json.dumps({"machine": machine(), "rows": rows}))
-    else:
-        print(table)
+    rows = [{**asdict(result), **asdict(result.case)} for result in results]
+    for row in rows:
+        del row["case"]
+    lines = [result.row() for result in results]
+    report(HEADER, lines, rows, as_json=given.json, page=given.update, markers=MARKERS)
 
 
 if __name__ == "__main__":

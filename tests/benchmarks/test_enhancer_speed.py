@@ -1,11 +1,11 @@
-"""The benchmark of enhancers: what it measures, its table, and the page it keeps."""
+"""The benchmark of enhancers: what it measures, and its table."""
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import enhancer_speed
-import pytest
-from enhancer_speed import BEGIN, END, Case, Measured
+from enhancer_speed import MARKERS, Case, Measured
 
 TINY = Case("ldenhancer", 48, 32, 1)
 LINE = Measured(TINY, 200.0, 50.0, 1000.0, 250.0)
@@ -27,19 +27,6 @@ def test_what_could_not_be_measured_is_a_dash():
     assert dead.row() == "| `ldenhancer` | 48x32 | 1 | - | 50.0 | - | - | 250 | - |"
 
 
-def test_the_table_is_replaced_between_its_markers():
-    page = f"before\n{BEGIN}\nold\n{END}\nafter\n"
-    once = enhancer_speed.update(page, "new")
-    assert once == f"before\n{BEGIN}\nnew\n{END}\nafter\n"
-    assert enhancer_speed.update(once, "new") == once
-
-
-@pytest.mark.parametrize("page", ["", BEGIN, f"{END}\n{BEGIN}", f"{BEGIN}{BEGIN}{END}"])
-def test_a_page_without_markers_is_refused(page):
-    with pytest.raises(SystemExit, match="the page needs one line"):
-        enhancer_speed.update(page, "new")
-
-
 def test_both_sides_are_measured_in_fresh_processes():
     (measured,) = enhancer_speed.measure(["ldenhancer"], [(48, 32)], [1], repeats=1)
     assert measured.case == TINY
@@ -49,5 +36,10 @@ def test_both_sides_are_measured_in_fresh_processes():
 
 def test_a_process_that_dies_leaves_no_number():
     absent = replace(TINY, enhancer="absent")
-    assert math.isnan(enhancer_speed.in_fresh_process(absent, 60, side="ours")["ours"])
-    assert math.isnan(enhancer_speed.in_fresh_process(TINY, 0.01, side="ours")["ours"])
+    assert math.isnan(enhancer_speed.in_own_process(absent, 60, side="ours")["ours"])
+    assert math.isnan(enhancer_speed.in_own_process(TINY, 0.01, side="ours")["ours"])
+
+
+def test_the_page_has_a_place_for_the_table():
+    page = Path(__file__).parents[2] / "docs" / "speed.md"
+    assert [page.read_text(encoding="utf-8").count(marker) for marker in MARKERS] == [1, 1]

@@ -10,6 +10,7 @@ import torch
 from torch import Tensor, nn
 
 from nat2024_trackers.siamese.correlation import depthwise_correlation
+from nat2024_trackers.siamese.layers import Layers, conv_batch_norm
 from nat2024_trackers.siamrpnpp.alexnet import AlexNet
 from nat2024_trackers.siamrpnpp.mobilenet import MobileNetV2
 from nat2024_trackers.siamrpnpp.resnet import ResNet50
@@ -28,24 +29,17 @@ _TEMPLATE_LIMIT = 20
 _TEMPLATE_CELLS = 7
 
 
-def _conv_norm(channels_in: int, channels_out: int, size: int) -> nn.Sequential:
-    return nn.Sequential(
-        nn.Conv2d(channels_in, channels_out, size, bias=False),
-        nn.BatchNorm2d(channels_out),
-        nn.ReLU(inplace=True),
-    )
-
-
 class DepthwiseXCorr(nn.Module):
     """One branch of a head: template and search convolutions, correlation, 1x1 layers."""
 
     def __init__(self, channels: int, channels_out: int) -> None:
         """Build with fresh weights."""
         super().__init__()
-        self.conv_kernel = _conv_norm(channels, channels, 3)
-        self.conv_search = _conv_norm(channels, channels, 3)
-        self.head = nn.Sequential(
-            *_conv_norm(channels, channels, 1), nn.Conv2d(channels, channels_out, 1)
+        self.conv_kernel = Layers(*conv_batch_norm(channels, channels, bias=False))
+        self.conv_search = Layers(*conv_batch_norm(channels, channels, bias=False))
+        self.head = Layers(
+            *conv_batch_norm(channels, channels, size=1, bias=False),
+            nn.Conv2d(channels, channels_out, 1),
         )
 
     def embed(self, template: Tensor) -> Tensor:
