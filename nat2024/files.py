@@ -5,6 +5,7 @@ import os
 import platform
 import re
 import secrets
+import tempfile
 from pathlib import Path
 
 from nat2024.errors import Unwritable
@@ -39,6 +40,21 @@ def write_atomic(path: str | os.PathLike[str], data: str | bytes) -> None:
     except BaseException:
         _forget(temporary)
         raise
+
+
+def check_writable(path: str | os.PathLike[str]) -> None:
+    """See that a file can be written at `path`, before work is done for it; leaves nothing.
+
+    Raises:
+        Unwritable: the file system refuses; says why.
+    """
+    folder = next(parent for parent in Path(path).absolute().parents if parent.exists())
+    try:
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        msg = f"{path}: cannot be written ({error.strerror or error})"
+        raise Unwritable(msg) from None
 
 
 def _forget(temporary: Path) -> None:

@@ -112,6 +112,33 @@ def _read_inset(text: str) -> "Inset":
     return x, y, w, h
 
 
+def numbers_file(picture: Path) -> Path:
+    """Where the numbers of a sheet or strip lie: beside it."""
+    return picture.with_suffix(".csv")
+
+
+def check_files(wanted: Pictures, further: Sequence[Path | None]) -> None:
+    """See that all files can be written, and none over another, before anything is enhanced.
+
+    Args:
+        wanted: pictures, each with its numbers beside it.
+        further: files of other options.
+
+    Raises:
+        UsageError: two options name the same file.
+        Unwritable: the file system refuses.
+    """
+    from nat2024.files import check_writable
+
+    named: dict[Path, Path] = {}
+    pictures = [path for path in (wanted.sheet, wanted.strip) if path is not None]
+    for path in (*pictures, *map(numbers_file, pictures), *filter(None, further)):
+        if (first := named.setdefault(path.resolve(), path)) is not path:
+            msg = f"{first} would be written twice, a picture has its numbers beside it as .csv; "
+            raise UsageError(msg + "choose other names")
+        check_writable(path)
+
+
 def choose_strip(wanted: Pictures, source: "Source") -> "Chosen | None":
     """The image of the strip, None where no strip is wanted or there is nothing to show.
 
@@ -235,16 +262,20 @@ def _write_strip(
 
 def write_maps(
     wanted: Pictures, source: "Source", out: Path, enhancers: "dict[str, Enhancer]", feed: Any
-) -> list[Path]:
+) -> tuple[list[Path], int]:
     """Draw the maps of the images that are shown: `OUT/maps/ENHANCER/IMAGE/MAP.png`.
 
     An image that fails is named, and the others go on. An enhancer without maps is named too.
+
+    Returns:
+        The files, and how many images failed.
     """
     from nat2024.enhancing.feeding import compute_maps
     from nat2024.enhancing.running import MAPS_FOLDER
     from nat2024.enhancing.showing import choose_images
 
     written: list[Path] = []
+    failed = 0
     for title, enhancer in enhancers.items():
         for item, index in choose_images(source, wanted.show):
             name = item.title(index)
@@ -253,12 +284,13 @@ def write_maps(
             except (Exception, SystemExit) as error:  # a plugin may fail in any way
                 kind = "" if isinstance(error, NatBenchError) else f"{type(error).__name__}: "
                 _log.error("%s, maps of %s: %s%s", title, name, kind, error)
+                failed += 1
                 continue
             if not maps:
                 _log.info("%s has no maps", title)
                 break
-            written += _write_maps(out / MAPS_FOLDER / title / name.replace(" ", "_"), maps, order)
-    return written
+            written += _write_maps(out / MAPS_FOLDER / title / name, maps, order)
+    return written, failed
 
 
 def _write_maps(folder: Path, maps: dict[str, Any], order: str) -> list[Path]:
@@ -267,9 +299,10 @@ def _write_maps(folder: Path, maps: dict[str, Any], order: str) -> list[Path]:
 
     written, numbers = [], []
     for name, values in maps.items():
-        path = folder / f"{name}.png"
-        write_atomic(path, figure_bytes(maps_figure(name, values, order), path.suffix))
-        written.append(path)
+        if values.shape[1:] != (1, 1):  # numbers of the whole image make no picture
+            path = folder / f"{name}.png"
+            write_atomic(path, figure_bytes(maps_figure(name, values, order), path.suffix))
+            written.append(path)
         for label, channel in zip(channel_labels(len(values), order), values, strict=True):
             numbers.append(
                 {
@@ -289,7 +322,7 @@ def _write(path: Path, figure: Any, numbers: list[dict[str, Any]]) -> list[Path]
     from nat2024.files import write_atomic
     from nat2024_reports.enhancement_figures import figure_bytes
 
-    beside = path.with_suffix(".csv")
+    beside = numbers_file(path)
     write_atomic(path, figure_bytes(figure, path.suffix))
     write_atomic(beside, _csv(numbers))
     return [path, beside]

@@ -59,8 +59,9 @@ def compute_maps(
     """The maps of one image, uint8 (H, W, 3) BGR, by name.
 
     Returns:
-        float32 (channels, h, w) each, cut to the image where they have its padded size; and the
-        order of the colours that the network saw, "RGB" or "BGR".
+        float32 (channels, h, w) each, cut to the image where they have its padded size, and
+        (channels, 1, 1) for numbers of the whole image; and the order of the colours that the
+        network saw, "RGB" or "BGR".
     """
     reverse = _reverses(enhancer, feed, in_batches=False)
     if feed == "tracker" and getattr(enhancer, "channel_order", "as_given") == "rgb":
@@ -79,6 +80,9 @@ def _cut(
     values: "torch.Tensor", image: Image, padded: "torch.Tensor", top: int, left: int
 ) -> npt.NDArray[np.float32]:
     array: npt.NDArray[np.float32] = values[0].float().cpu().numpy()
+    if array.ndim < 2:
+        return array.reshape(-1, 1, 1)
+    array = array.reshape(-1, *array.shape[-2:])
     if array.shape[-2:] == padded.shape[-2:]:
         height, width = image.shape[:2]
         array = array[..., top : top + height, left : left + width]

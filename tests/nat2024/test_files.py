@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from nat2024.files import remove_leftovers, write_atomic
+from nat2024.errors import Unwritable
+from nat2024.files import check_writable, remove_leftovers, write_atomic
 
 
 def test_folders_are_made_and_bytes_are_kept(tmp_path: Path) -> None:
@@ -17,6 +18,14 @@ def test_folders_are_made_and_bytes_are_kept(tmp_path: Path) -> None:
     write_atomic(tmp_path / "a" / "b.txt", b"\0")
     assert [p.name for p in (tmp_path / "a").iterdir()] == ["b.txt"]
     assert (tmp_path / "a" / "b.txt").read_bytes() == b"\0"
+
+
+def test_whether_a_file_can_be_written_is_known_before(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    check_writable(tmp_path / "a" / "b" / "c.txt")
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+    with pytest.raises(Unwritable, match="cannot be written"):
+        check_writable(tmp_path / "file" / "c.txt")
 
 
 def test_a_failed_write_keeps_the_old_file(tmp_path: Path) -> None:

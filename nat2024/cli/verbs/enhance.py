@@ -9,6 +9,7 @@ import msgspec
 from nat2024.cli import options as shared
 from nat2024.cli.enhancement_measuring import MeasuringOptions, measuring_options, print_measures
 from nat2024.cli.enhancing import (
+    check_files,
     choose_strip,
     picture_options,
     read_picture_options,
@@ -122,6 +123,7 @@ def command(
         "weights": shared.read_pairs(weights, "--weights"),
         "device": shared.choose_device(device),
     }
+    check_files(wanted, (measuring.csv_file, measuring.fit_curve))
     observer = measuring.start(titles, count_images(found), asked["device"])
     with ProgressBar(len(titles) * count_images(found), "image") as progress:
         report = enhance_images(
@@ -135,12 +137,13 @@ def command(
             progress=progress,
             **asked,
         )
-    drawn = write_pictures(wanted, found, strip, out, titles)
-    if wanted.maps:
-        drawn += write_maps(wanted, found, out, create_enhancers(titles, **asked), feed)
     measured = measuring.finish(observer)
+    drawn, failed = write_pictures(wanted, found, strip, out, titles), 0
+    if wanted.maps:
+        maps, failed = write_maps(wanted, found, out, create_enhancers(titles, **asked), feed)
+        drawn += maps
     _print(report, drawn, measured, as_json)
-    return 1 if report.failures else 0
+    return 1 if report.failures or failed else 0
 
 
 def _split(texts: tuple[str, ...]) -> list[str]:

@@ -121,6 +121,41 @@ def test_maps_of_a_network(folder: Path, tmp_path: Path, cli: Any, shared: Path)
     assert not (out / "maps" / "gamma").exists()
 
 
+_NUMBERS = """
+from nat2024.cards import Card
+from nat2024.interfaces import Enhancer
+from nat2024.registry import register_enhancer
+
+
+@register_enhancer("numbers")
+class Numbers(Enhancer):
+    card = Card(title="Numbers", summary="Gives maps of any shape.")
+
+    def enhance_batch(self, batch):
+        return batch
+
+    def maps(self, batch):
+        if batch.shape[-1] == 65:
+            raise RuntimeError("no such width")
+        mean, first = batch.mean((2, 3)), batch[:, 0]
+        return {"of the whole": mean, "one": mean[:, 0], "plain": first, "deep": batch[:, None]}
+"""
+
+
+@pytest.mark.usefixtures("small_plugins")  # which takes back what is registered meanwhile
+def test_maps_of_any_shape_and_one_that_fails(folder: Path, tmp_path: Path, cli: Any) -> None:
+    (tmp_path / "p.py").write_text(_NUMBERS)
+    cv2.imwrite(str(folder / "a b.png"), np.full((40, 65, 3), 9, np.uint8))
+    words = ("--plugin", tmp_path / "p.py", "--enhancer", "numbers", "--maps")
+    status, _, err = cli("enhance", folder, *words, "--out", tmp_path / "out")
+    assert status == 1
+    assert err == "nat-bench: numbers, maps of a b.png: RuntimeError: no such width\n"
+    made = tmp_path / "out" / "maps" / "numbers" / "0.png"
+    assert {path.name for path in made.iterdir()} == {"plain.png", "deep.png", "maps.csv"}
+    channels = [row["map"] for row in rows(made / "maps.csv")]
+    assert channels == [*3 * ["of the whole"], "one", "plain", *3 * ["deep"]]
+
+
 def test_a_dataset_stays_one(night_clip: Path, tmp_path: Path, cli: Any) -> None:
     words = ("--enhancer", "gamma", "--sequences", "tall,wide", "--out", tmp_path)
     assert cli("enhance", night_clip, *words)[0] == 0
@@ -142,6 +177,12 @@ def test_a_dataset_stays_one(night_clip: Path, tmp_path: Path, cli: Any) -> None
         (["--enhancer", "gamma", "--strip", "a.png", "--inset", "1,2,3"], "four whole numbers"),
         (["--enhancer", "gamma", "--strip", "a.png", "--inset", "0,0,99,9"], "does not lie in"),
         (["--enhancer", "gamma", "--strip", "a.png", "--strip-image", "9.png"], "has no image"),
+        (["--enhancer", "gamma", "--sheet", "s.png", "--strip", "s.pdf"], "written twice"),
+        (
+            ["--enhancer", "gamma", "--measure", "--measure-csv", "s.csv", "--sheet", "s.png"],
+            "written twice",
+        ),
+        (["--enhancer", "gamma", "--sheet", f"{__file__}/s.png"], "cannot be written"),
         (["--enhancer", "gamma", "--sequences", "a"], "read as images"),
         (["--enhancer", "gamma", "--device", "cuda:99"], "is not there"),
     ],

@@ -18,6 +18,8 @@ from nat2024.enhancing import (
 )
 from nat2024.enhancing.feeding import enhance
 from nat2024.errors import ResultConflict, UnknownPlugin, UsageError
+from nat2024.registry import load_plugin
+from nat2024_reports.enhancement_figures import maps_figure
 
 
 def files(folder: Path) -> list[str]:
@@ -189,6 +191,15 @@ def test_maps_are_cut_to_the_image_in_the_order_that_the_network_saw() -> None:
     swapped, order = compute_maps(enhancer, np.ascontiguousarray(image[..., ::-1]), "tracker")
     assert order == "BGR"
     np.testing.assert_array_equal(maps["A"], swapped["A"])
+
+
+@pytest.mark.parametrize("name", nat2024.list_enhancers())
+def test_maps_of_every_enhancer_can_be_drawn(name: str, image: np.ndarray) -> None:
+    fresh = {"weights": False} if load_plugin(name, "enhancer").card.needs_weights else {}
+    maps, order = compute_maps(nat2024.create_enhancer(name, **fresh), image, "image")
+    for values in maps.values():
+        assert values.ndim == 3
+        assert maps_figure("a map", values, order).axes
 
 
 def test_enhancers_can_be_had_by_title() -> None:
