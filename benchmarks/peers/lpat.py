@@ -1,4 +1,4 @@
-"""LPAT (Fu et al., IROS 2022) with its layers written plainly, as a yardstick for speed.
+"""LPAT (Fu et al., arXiv 2208.00662) with its layers written plainly, as a yardstick for speed.
 
 What the official code computes; all but the transformer is as in HiFT. One sequence at a time.
 """

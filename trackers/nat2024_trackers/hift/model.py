@@ -1,6 +1,6 @@
 """The network of HiFT: a transformer that joins the maps of three stages.
 
-Source: Cao et al., ICCV 2021, sections 3.1 to 3.3, and vision4robotics/HiFT.
+Source: Cao et al., ICCV 2021, and vision4robotics/HiFT.
 """
 
 import torch

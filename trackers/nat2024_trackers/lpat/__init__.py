@@ -1,1 +1,1 @@
-"""LPAT of Fu et al., IROS 2022."""
+"""LPAT of Fu et al., arXiv 2208.00662 (2022)."""

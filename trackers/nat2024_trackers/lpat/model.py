@@ -1,6 +1,6 @@
 """The network of LPAT: a transformer whose attention leans on a neighbourhood's elements.
 
-Source: Fu et al., IROS 2022, section III, and vision4robotics/LPAT.
+Source: Fu et al., arXiv 2208.00662, and vision4robotics/LPAT.
 """
 
 import torch
