@@ -153,11 +153,14 @@ def choose_registered(
     fitting = [one for one in list_registered(name) if _agree(one.options, wanted)]
     if len(fitting) > 1:
         chosen = {**defaults, **wanted}
-        fitting = [
+        agreeing = [
             one
             for one in fitting
             if all(chosen.get(key) == value for key, value in one.options.items())
-        ] or fitting
+        ]
+        # Of two that agree with all that was chosen, the one imported for more of it.
+        most = max((len(one.options) for one in agreeing), default=0)
+        fitting = [one for one in agreeing if len(one.options) == most] or fitting
     if len(fitting) > 1:
         choices = " or ".join(describe_options(one.options) or "no options" for one in fitting)
         msg = f"several weights are registered for {name}: choose by its options, {choices}"
