@@ -3,12 +3,8 @@
 import contextlib
 import re
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 from nat2024.errors import OutOfMemory, UsageError
-
-if TYPE_CHECKING:
-    import torch
 
 _DEVICE = re.compile(r"cpu|cuda(?::(?P<number>[0-9]+))?")
 
@@ -35,25 +31,36 @@ def check_device(device: str) -> str:
 
 
 @contextlib.contextmanager
-def explain_lack_of_memory(name: str, batch: "torch.Tensor") -> Iterator[None]:
+def explain_lack_of_memory(name: str, height: int, width: int, count: int = 1) -> Iterator[None]:
     """Turn a device's lack of memory into one line that says for which images it was.
 
-    Raises:
-        OutOfMemory: in place of the errors of torch and Python.
-    """
-    import torch
+    Args:
+        name: what is computed for the images, such as an enhancer.
+        height: of the images.
+        width: of the images.
+        count: how many they are.
 
+    Raises:
+        OutOfMemory: in place of the errors of Python, torch and OpenCV.
+    """
     try:
         yield
-    except (MemoryError, RuntimeError) as error:
-        # On a CPU torch raises a RuntimeError whose text is all there is to tell it by.
-        on_cpu = "can't allocate memory" in str(error) or "not enough memory" in str(error)
-        if not (isinstance(error, MemoryError | torch.OutOfMemoryError) or on_cpu):
+    except Exception as error:
+        if not _is_lack_of_memory(error):
             raise
-        count, _, height, width = batch.shape
         what = f"{count} images of {width}x{height}" if count > 1 else f"a {width}x{height} image"
         msg = (
             f"{name}: not enough memory for {what}; scale it down, enhance parts of it, "
             "or take scope=patch in tracking"
         )
         raise OutOfMemory(msg) from None
+
+
+def _is_lack_of_memory(error: Exception) -> bool:
+    import torch
+
+    if isinstance(error, MemoryError | torch.OutOfMemoryError):
+        return True
+    # torch on a CPU and OpenCV raise errors whose text is all there is to tell them by
+    signs = ("can't allocate memory", "not enough memory", "Insufficient memory")
+    return any(sign in str(error) for sign in signs)

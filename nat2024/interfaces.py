@@ -4,8 +4,9 @@ An enhancer sees no tracker, and a tracker sees at most a thing with `enhance_ba
 adapters make N x M combinations.
 """
 
+import contextlib
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol, TypeAlias, runtime_checkable
 
@@ -71,9 +72,12 @@ class Enhancer:
 
         Raises:
             ArrayContract: `image` is not uint8 (H, W, 3).
+            OutOfMemory: the image is too large for the device.
         """
-        batch = image_to_batch(check_image(image), self.device, reverse=bgr)
-        return batch_to_image(self.enhance_batch(batch), reverse=bgr)
+        height, width = check_image(image).shape[:2]
+        with explain_lack_of_memory(self.name, height, width):
+            batch = image_to_batch(image, self.device, reverse=bgr)
+            return batch_to_image(self.enhance_batch(batch), reverse=bgr)
 
     def enhance_batch(self, batch: "torch.Tensor") -> "torch.Tensor":
         """Enhance float32 (N, 3, H, W) in 0..1, channels fed in the order given.
@@ -168,22 +172,25 @@ class NeuralEnhancer(Enhancer, ABC):
     def enhance(self, image: Image, *, bgr: bool = False) -> Image:
         """Enhance one image; see `Enhancer.enhance`. The network sees it in `image_order`."""
         reverse = bgr != (self.image_order == "bgr")
-        batch = image_to_batch(check_image(image), self.device, reverse=reverse)
-        return batch_to_image(self._run(batch), reverse=reverse, quantise=self.quantise)
+        height, width = check_image(image).shape[:2]
+        with self._inference(height, width):
+            batch = image_to_batch(image, self.device, reverse=reverse)
+            return batch_to_image(self._run(batch), reverse=reverse, quantise=self.quantise)
 
     def enhance_batch(self, batch: "torch.Tensor") -> "torch.Tensor":
         """Enhance a batch; see `Enhancer.enhance_batch`."""
         check_batch(batch)
-        if self.channel_order == "rgb":
-            return self._run(batch.flip(1)).flip(1)
-        return self._run(batch)
+        count, _, height, width = batch.shape
+        with self._inference(height, width, count):
+            if self.channel_order == "rgb":
+                return self._run(batch.flip(1)).flip(1)
+            return self._run(batch)
 
     def maps(self, batch: "torch.Tensor") -> "dict[str, torch.Tensor]":
         """Intermediate maps of the network at padded size, channels fed in the order given."""
-        import torch
-
         check_batch(batch)
-        with torch.no_grad(), explain_lack_of_memory(self.name, batch):
+        count, _, height, width = batch.shape
+        with self._inference(height, width, count):
             return self.forward_maps(self.pad(batch.to(self.device))[0])
 
     def pad(self, batch: "torch.Tensor") -> "tuple[torch.Tensor, int, int]":
@@ -192,15 +199,21 @@ class NeuralEnhancer(Enhancer, ABC):
 
         return pad_to_multiple(batch, self.stride)
 
-    def _run(self, batch: "torch.Tensor") -> "torch.Tensor":
+    @contextlib.contextmanager
+    def _inference(self, height: int, width: int, count: int = 1) -> "Iterator[None]":
+        """Without gradients, in float32 whatever the caller's autocast, memory explained."""
         import torch
 
-        height, width = batch.shape[-2:]
+        autocast = torch.autocast(self.device.partition(":")[0], enabled=False)
         # not inference_mode: what comes out may enter somebody's training
-        with torch.no_grad(), explain_lack_of_memory(self.name, batch):
-            padded, top, left = self.pad(batch.to(self.device))
-            enhanced = self.forward(padded)[..., top : top + height, left : left + width]
-            return enhanced.clamp(0.0, 1.0) if self.clamp else enhanced.contiguous()
+        with torch.no_grad(), autocast, explain_lack_of_memory(self.name, height, width, count):
+            yield
+
+    def _run(self, batch: "torch.Tensor") -> "torch.Tensor":
+        height, width = batch.shape[-2:]
+        padded, top, left = self.pad(batch.to(self.device))
+        enhanced = self.forward(padded)[..., top : top + height, left : left + width]
+        return enhanced.clamp(0.0, 1.0) if self.clamp else enhanced.contiguous()
 
 
 def load_weights(
@@ -315,15 +328,17 @@ def enhance_frame(enhancer: BatchEnhancer, frame: Image, device: str) -> Image:
     if own is not None:
         enhanced: Image = own(frame)
         return enhanced
-    batch = image_to_batch(frame, getattr(enhancer, "device", device))
-    enhanced_batch = enhancer.enhance_batch(batch)
-    if enhanced_batch.shape != batch.shape:
-        msg = (
-            f"the enhancer turned a frame of shape {tuple(batch.shape)} into "
-            f"{tuple(enhanced_batch.shape)}; it must keep the shape"
-        )
-        raise ArrayContract(msg)
-    return batch_to_image(enhanced_batch)
+    name = getattr(enhancer, "name", "") or "the enhancer"
+    with explain_lack_of_memory(name, *frame.shape[:2]):
+        batch = image_to_batch(frame, getattr(enhancer, "device", device))
+        enhanced_batch = enhancer.enhance_batch(batch)
+        if enhanced_batch.shape != batch.shape:
+            msg = (
+                f"the enhancer turned a frame of shape {tuple(batch.shape)} into "
+                f"{tuple(enhanced_batch.shape)}; it must keep the shape"
+            )
+            raise ArrayContract(msg)
+        return batch_to_image(enhanced_batch)
 
 
 def check_start_box(box: Any, image: Image) -> Box:

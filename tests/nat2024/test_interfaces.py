@@ -2,12 +2,14 @@
 
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 import torch
 
+import nat2024
 from nat2024.cards import Card
-from nat2024.errors import ArrayContract, InvalidOption
+from nat2024.errors import ArrayContract, InvalidOption, OutOfMemory
 from nat2024.interfaces import Enhancer, Tracker, check_start_box
 
 IMAGE = np.random.default_rng(0).integers(0, 256, (11, 7, 3), dtype=np.uint8)
@@ -145,6 +147,53 @@ def test_what_is_no_image(image: Any) -> None:
         Sees().init(image, [0, 0, 2, 2])
 
 
+SIGNS = [
+    MemoryError(),
+    RuntimeError("DefaultCPUAllocator: can't allocate memory: you tried to allocate 3 bytes"),
+    cv2.error("OpenCV(5.0.0) alloc.cpp:73: error: (-4:Insufficient memory) Failed to allocate"),
+]
+
+
+@pytest.mark.parametrize("error", SIGNS, ids=["python", "torch", "opencv"])
+def test_lack_of_memory_is_told_in_one_line(error: Exception) -> None:
+    class Fails(Halves):
+        name = "fails"
+
+        def enhance_batch(self, batch: Any) -> Any:
+            raise error
+
+    for call in (
+        lambda: Fails().enhance(IMAGE),
+        lambda: Sees(enhancer=Fails(), scope="frame").init(IMAGE, [1, 1, 3, 3]),
+    ):
+        with pytest.raises(OutOfMemory, match=r"^fails: not enough memory for a 7x11 image; .*$"):
+            call()
+
+
+@pytest.mark.parametrize("name", ["gamma", "ldenhancer", "lime"])
+def test_images_that_do_not_become_batches_are_told(
+    monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    enhancer = nat2024.create_enhancer(name, **({"weights": False} if name == "ldenhancer" else {}))
+
+    def fails(*_: Any, **__: Any) -> Any:
+        raise SIGNS[1]
+
+    monkeypatch.setattr(torch, "from_numpy", fails)
+    with pytest.raises(OutOfMemory, match=f"{name}: not enough memory for a 7x11 image"):
+        enhancer.enhance(IMAGE)
+
+
+def test_other_failures_are_not_called_lack_of_memory() -> None:
+    class Fails(Halves):
+        def enhance_batch(self, batch: Any) -> Any:
+            msg = "something else"
+            raise RuntimeError(msg)
+
+    with pytest.raises(RuntimeError, match="something else"):
+        Fails().enhance(IMAGE)
+
+
 def test_an_enhancer_that_changes_the_shape_is_told() -> None:
     class Narrows:
         def enhance_batch(self, batch: Any) -> Any:
@@ -155,8 +204,6 @@ def test_an_enhancer_that_changes_the_shape_is_told() -> None:
 
 
 def test_what_a_network_gives_may_enter_training() -> None:
-    import nat2024
-
     enhancer = nat2024.create_enhancer("ldenhancer", weights=False)
     out = enhancer.enhance_batch(torch.rand(1, 3, 16, 16))
     layer = torch.nn.Conv2d(3, 1, 1)

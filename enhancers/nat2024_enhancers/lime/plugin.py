@@ -99,8 +99,10 @@ class Lime(Enhancer):
 
     def enhance(self, image: Image, *, bgr: bool = False) -> Image:  # noqa: ARG002
         """Enhance one image; see `Enhancer.enhance`. The order of channels does not matter."""
-        batch = image_to_batch(check_image(image), self.device)
-        return batch_to_image(self.enhance_batch(batch), quantise=self.quantise)
+        height, width = check_image(image).shape[:2]
+        with explain_lack_of_memory(self.name, height, width):
+            batch = image_to_batch(image, self.device)
+            return batch_to_image(self.enhance_batch(batch), quantise=self.quantise)
 
     def enhance_batch(self, batch: "torch.Tensor") -> "torch.Tensor":
         """Enhance a batch; see `Enhancer.enhance_batch`."""
@@ -113,7 +115,8 @@ class Lime(Enhancer):
         import torch
 
         check_batch(batch)
-        with torch.no_grad(), explain_lack_of_memory(self.name, batch):
+        count, _, height, width = batch.shape
+        with torch.no_grad(), explain_lack_of_memory(self.name, height, width, count):
             images = batch.detach().cpu().double().numpy()
             found = [self._light(image) for image in images]
             return {
