@@ -29,7 +29,14 @@ from nat2024.registry import (
     resolve_options,
     takes_weights,
 )
-from nat2024.zoo import WeightsSpec, bundled_path, read_checkpoint, registered, sha256_of
+from nat2024.zoo import (
+    WeightsSpec,
+    bundled_path,
+    check_finite,
+    read_checkpoint,
+    registered,
+    sha256_of,
+)
 from nat2024.zoo.registered import RegisteredWeights, describe_options
 
 if TYPE_CHECKING:
@@ -214,7 +221,7 @@ def _keep(plugin: "Tracker | Enhancer", source: Path, options: dict[str, Any]) -
     folder = registered.plugin_folder(plugin.name)
     name = f"{registered.entry_name(options)}-{plugin.weights.sha256[:12]}"
     if state is not None:
-        _refuse_unusable_numbers(state, source)
+        check_finite(state, str(source))
     if state is not None and convert:
         path = folder / f"{name}.safetensors"
         write_atomic(path, _safetensors_of(state))
@@ -252,15 +259,6 @@ def _state_of(plugin: "Tracker | Enhancer", source: Path) -> "dict[str, torch.Te
         return None
     # tensors that a network lists twice share their memory, which safetensors refuses
     return {key: value.detach().clone() for key, value in model.state_dict().items()}
-
-
-def _refuse_unusable_numbers(state: "Mapping[str, torch.Tensor]", source: Path) -> None:
-    import torch
-
-    for key, value in state.items():
-        if not torch.isfinite(value).all():
-            msg = f"{source}: {key} holds numbers that are not finite; no usable weights"
-            raise WeightsMismatch(msg)
 
 
 def _safetensors_of(state: "dict[str, torch.Tensor]") -> bytes:

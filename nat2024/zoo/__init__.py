@@ -1,6 +1,12 @@
 """Weights: which file a network gets, and how checkpoints are read without running their code."""
 
-from nat2024.zoo.checkpoints import StateDict, entries_of, fit_state_dict, read_checkpoint
+from nat2024.zoo.checkpoints import (
+    StateDict,
+    check_finite,
+    entries_of,
+    fit_state_dict,
+    read_checkpoint,
+)
 from nat2024.zoo.recognition import recognise
 from nat2024.zoo.weights import (
     Weights,
@@ -16,6 +22,7 @@ __all__ = [
     "Weights",
     "WeightsSpec",
     "bundled_path",
+    "check_finite",
     "entries_of",
     "find_registered",
     "find_weights",

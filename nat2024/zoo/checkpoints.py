@@ -1,7 +1,8 @@
 """Reading checkpoints in every wrapper form that authors publish, without running their code."""
 
 import pickle
-from collections.abc import Iterable
+import warnings
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -30,6 +31,9 @@ def read_checkpoint(path: str | Path) -> StateDict:
     if not path.is_file():
         msg = f"{path}: no such weights file"
         raise WeightsMissing(msg)
+    if not path.stat().st_size:
+        msg = f"{path}: is an empty file, no checkpoint"
+        raise WeightsMismatch(msg)
     content = _read_safetensors(path) if path.suffix == ".safetensors" else _read_torch(path)
     if isinstance(content, dict) and isinstance(content.get("state_dict"), dict):
         content = content["state_dict"]
@@ -63,15 +67,18 @@ def _read_torch(path: Path) -> Any:
     import torch
 
     try:
-        with torch.serialization.safe_globals(_harmless_globals()):
+        with torch.serialization.safe_globals(_harmless_globals()), warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of pickle protocols, which say nothing to a user
             return torch.load(path, map_location="cpu", weights_only=True)
     except pickle.UnpicklingError:
         # PyTorch's own message advises to load it unsafely; nobody should read that here
         msg = f"{path}: refused, it holds more than tensors or is no PyTorch checkpoint"
         raise WeightsMismatch(msg) from None
     except Exception as error:  # damaged bytes can fail anywhere inside the unpickler
-        reason = str(error).split("\n", 1)[0] or type(error).__name__
-        msg = f"{path}: not a readable PyTorch checkpoint ({reason})"
+        # the first sentence; what is no RuntimeError is the unpickler's, such as "101"
+        reason = str(error).split("\n", 1)[0].split(". ", 1)[0]
+        reason = f" ({reason})" if reason and isinstance(error, RuntimeError) else ""
+        msg = f"{path}: not a readable PyTorch checkpoint{reason}"
         raise WeightsMismatch(msg) from None
 
 
@@ -98,6 +105,7 @@ def fit_state_dict(
 
     Raises:
         WrongNetwork: keys are missing or shapes differ; names them.
+        WeightsMismatch: an entry holds no numbers that can be copied, or none that are finite.
     """
     if not state.keys() & expected.keys():
         prefixed = {f"features.{key}": value for key, value in state.items()}
@@ -126,7 +134,34 @@ def fit_state_dict(
     if wrong:
         msg = f"{source}: not a checkpoint of this network: {_some(wrong)}"
         raise _wrong_network(msg, state)
+    _check_kinds(fitting, expected, source)
+    check_finite(fitting, source)
     return fitting
+
+
+def _check_kinds(state: StateDict, expected: StateDict, source: str) -> None:
+    """Raise `WeightsMismatch` where copying would fail, or would change the numbers unasked."""
+    import torch
+
+    for key, value in state.items():
+        plain = value.layout == torch.strided and not (value.is_meta or value.is_quantized)
+        if plain and (value.is_floating_point() or not expected[key].is_floating_point()):
+            continue
+        kind = str(value.dtype if plain or value.is_quantized else value.layout)
+        kind = "no numbers (a tensor of the device meta)" if value.is_meta else kind
+        wanted = str(expected[key].dtype).removeprefix("torch.")
+        msg = f"{source}: {key} holds {kind.removeprefix('torch.')}, expected plain {wanted}"
+        raise WeightsMismatch(msg)
+
+
+def check_finite(state: "Mapping[str, torch.Tensor]", source: str) -> None:
+    """Raise `WeightsMismatch` where a tensor holds infinite numbers or NaN; names it."""
+    import torch
+
+    for key, value in state.items():
+        if not torch.isfinite(value).all():
+            msg = f"{source}: {key} holds numbers that are not finite; no usable weights"
+            raise WeightsMismatch(msg)
 
 
 def entries_of(state: StateDict) -> frozenset[str]:

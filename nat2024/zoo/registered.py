@@ -10,11 +10,13 @@ data folder. The weights are written first and the record last, so that what a r
 whole.
 """
 
+import contextlib
 import hashlib
 import os
 import re
 import secrets
 import shutil
+import time
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, Literal
@@ -22,10 +24,12 @@ from typing import Any, Literal
 import msgspec
 
 from nat2024.errors import Unwritable, WeightsMismatch, WeightsMissing
-from nat2024.files import expand, write_atomic
+from nat2024.files import expand, remove_leftovers, write_atomic
 
 _PLUGIN = re.compile(r"[a-z0-9][a-z0-9_]*")
 _FILE = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")
+_WEIGHTS = re.compile(r"\.?\w[\w-]*-[0-9a-f]{12}(\.\w+)*(-[0-9a-f]{8}\.tmp)?")
+_LONGEST_IMPORT = 3600.0
 
 
 class RegisteredWeights(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -175,6 +179,8 @@ def _agree(stored: Mapping[str, Any], wanted: Mapping[str, Any]) -> bool:
 def store(record: RegisteredWeights) -> None:
     """Write a record whose weights are in place, and remove the weights that it replaces.
 
+    What killed imports have left in the folder of the plugin goes as well.
+
     Raises:
         Unwritable: the file system refuses.
     """
@@ -186,6 +192,24 @@ def store(record: RegisteredWeights) -> None:
     write_atomic(record.record, text)
     if replaced and replaced != record.path:
         _delete(replaced)
+    _remove_orphans(record.plugin)
+
+
+def _remove_orphans(name: str) -> None:
+    """Remove weights that no record names, unless an import that still runs may have them."""
+    folder = plugin_folder(name)
+    remove_leftovers(folder)
+    try:
+        named = {record.file for record in list_registered(name)}
+    except WeightsMismatch:  # the record that cannot be read may name any of them
+        return
+    oldest = time.time() - _LONGEST_IMPORT
+    for path in folder.iterdir():
+        if path.name in named or not _WEIGHTS.fullmatch(path.name):
+            continue
+        with contextlib.suppress(OSError, Unwritable):  # another import may have been faster
+            if path.stat().st_mtime < oldest:
+                _delete(path)
 
 
 def remove(record: RegisteredWeights) -> None:

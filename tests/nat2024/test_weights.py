@@ -1,6 +1,7 @@
 """Weights that are registered once are found, checked and kept apart from then on."""
 
 import json
+import os
 import shutil
 
 import pytest
@@ -189,6 +190,31 @@ def test_the_same_options_again_replace_the_file(checkpoint, folder):
     assert len(list((folder / "small").iterdir())) == 2
 
 
+def test_weights_that_a_killed_import_left_are_removed_by_the_next(checkpoint, folder):
+    path = import_weights("small", checkpoint()[0]).path.parent
+    orphan, running, own = (
+        path / name
+        for name in ("variant-five-aa-0123456789ab.pt", "default-0123456789ab.pt", "my-notes.txt")
+    )
+    half = path / ".variant-v2-ae36d959-17ba793bfa40-01234567.tmp"
+    half.mkdir()
+    for left in (orphan, running, own):
+        left.write_text("left")
+    for old in (orphan, own, half):
+        os.utime(old, (1e9, 1e9))
+    kept = import_weights("small", checkpoint(seed=2)[0])
+    assert sorted(path.iterdir()) == sorted([running, own, kept.path, kept.record])
+
+
+def test_nothing_is_removed_beside_a_record_that_cannot_be_read(checkpoint, folder):
+    path = import_weights("small", checkpoint()[0]).path
+    os.utime(path, (1e9, 1e9))
+    (record,) = path.parent.glob("*.json")
+    record.write_text("{")
+    import_weights("small", checkpoint("five")[0], {"variant": "five"})
+    assert path.exists()
+
+
 def test_safetensors_are_kept_byte_for_byte(tmp_path, checkpoint):
     _, state = checkpoint()
     path = tmp_path / "small.safetensors"
@@ -276,7 +302,7 @@ def test_bad_files_are_refused_in_one_line(tmp_path, checkpoint, folder):
     torch.save({**state, "conv.bias": bias, "again.bias": bias}, infinite)
     for given, error, message in (
         (tmp_path / "absent.pth", WeightsMissing, "absent.pth: no such file"),
-        (empty, WeightsMismatch, "empty.pth: not a readable PyTorch checkpoint"),
+        (empty, WeightsMismatch, "empty.pth: is an empty file"),
         (tmp_path, WeightsMismatch, "is a folder; name the checkpoint file in it"),
         (infinite, WeightsMismatch, "conv.bias holds numbers that are not finite"),
     ):
