@@ -291,12 +291,21 @@ class LDEnhancerNet(nn.Module):
         Raises:
             ArrayContract: a side is no multiple of 16 or above 8000 pixels.
         """
-        if may_derive(self):
-            return self._infer(image)
         features = self._features(image)
+        if may_derive(self):
+            count, _, height, width = image.shape
+            channels = self.content_estimation.e_conv5.out_channels
+            amount = image.new_empty((count, channels, height, width))
+            return self._apply_in_bands(image, features, amount), features.O2, amount
         amount = self.content_estimation(features.O1) - self.light_estimation(features.O2)
         amount = amount.contiguous()
         return self._iterate(image, amount), features.O2, amount
+
+    def enhance(self, image: Tensor) -> Tensor:
+        """Only the enhanced images of `forward`; for inference A is not kept as a whole."""
+        if may_derive(self):
+            return self._apply_in_bands(image, self._features(image))
+        return self(image)[0]  # type: ignore[no-any-return]
 
     def maps(self, image: Tensor) -> dict[str, Tensor]:
         """All intermediate maps of an image by their names in the paper; see `forward`."""
@@ -314,23 +323,26 @@ class LDEnhancerNet(nn.Module):
         light_image = self.upsamplenet_light(light)
         return Features(mixed, light, attended, content_image, light_image)
 
-    def _infer(self, image: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """What `forward` gives, band by band: the same numbers with a fraction of the memory."""
-        features = self._features(image)
+    def _apply_in_bands(
+        self, image: Tensor, features: Features, amount: Tensor | None = None
+    ) -> Tensor:
+        """The enhanced images, band by band: the same numbers with a fraction of the memory.
+
+        Where `amount` is given, it is filled with A.
+        """
         count, _, height, width = image.shape
-        channels = self.content_estimation.e_conv5.out_channels
-        amount = image.new_empty((count, channels, height, width))
         enhanced = image.clone(memory_format=torch.contiguous_format)
         for start, stop in bands_of(count, height, width, stride=STRIDE):
             rows = slice(start, stop)
             content = self.content_estimation.sigmoids(features.O1, start, stop)
             content -= self.light_estimation.sigmoids(features.O2, start, stop)
             band = enhanced[..., rows, :]
-            halves = amount[..., rows, :].copy_(content)
-            for step in halves.chunk(channels // _GROUP, dim=1):
+            halves = content.contiguous()
+            for step in halves.chunk(halves.shape[1] // _GROUP, dim=1):
                 band.addcmul_(step, band * band - band, value=2 * self.sign)
-            halves.mul_(2)
-        return enhanced, features.O2, amount
+            if amount is not None:
+                torch.mul(halves, 2, out=amount[..., rows, :])
+        return enhanced
 
     def _iterate(self, image: Tensor, amount: Tensor) -> Tensor:
         for step in amount.chunk(amount.shape[1] // _GROUP, dim=1):

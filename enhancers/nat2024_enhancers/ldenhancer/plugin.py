@@ -60,8 +60,7 @@ class LDEnhancer(NeuralEnhancer):
 
     def forward(self, batch: "torch.Tensor") -> "torch.Tensor":
         """Enhance a padded batch; no clamp."""
-        enhanced: torch.Tensor = self.model(batch)[0]
-        return enhanced
+        return cast("LDEnhancerNet", self.model).enhance(batch)
 
     def forward_maps(self, batch: "torch.Tensor") -> "dict[str, torch.Tensor]":
         """All intermediate maps of a padded batch."""

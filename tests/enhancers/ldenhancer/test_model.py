@@ -9,6 +9,7 @@ import torch
 import torch.nn.functional as F
 from torch._subclasses.fake_tensor import FakeTensorMode
 from torch.nn.attention import SDPBackend, sdpa_kernel
+from torch.utils._python_dispatch import TorchDispatchMode
 
 from nat2024.errors import ArrayContract
 from nat2024.networks import bands
@@ -251,6 +252,34 @@ def test_a_few_steps_lower_the_loss(batch):
         optimiser.step()
         losses.append(loss.item())
     assert losses[-1] < losses[0]
+
+
+class LargestTensor(TorchDispatchMode):
+    """Remembers how many numbers the largest tensor has that an operation gave."""
+
+    numbers = 0
+
+    def __torch_dispatch__(self, function, types, args=(), kwargs=None):
+        answer = function(*args, **(kwargs or {}))
+        if isinstance(answer, torch.Tensor):
+            self.numbers = max(self.numbers, answer.numel())
+        return answer
+
+
+def test_images_alone_are_the_same_and_come_without_all_amounts(network):
+    image, largest = torch.rand(1, 3, 1024, 512), LargestTensor()
+    with torch.no_grad():
+        expected, _, amount = network(image)
+        with largest:
+            enhanced = network.enhance(image)
+    assert torch.equal(enhanced, expected)
+    assert image.numel() < largest.numbers < amount.numel()
+
+
+def test_images_alone_have_gradients(network, batch):
+    enhanced = network.enhance(batch)
+    assert enhanced.requires_grad
+    assert torch.equal(enhanced, network(batch)[0])
 
 
 @pytest.mark.parametrize("layout", [torch.contiguous_format, torch.channels_last])
