@@ -207,10 +207,10 @@ class TakesAnyImage(Brightest):
 
 
 class UpdatesBeforeInit(Brightest):
-    def advance(self, image):
+    def update(self, image):
         if self.box is None:
             return np.zeros(4), 0.0
-        return super().advance(image)
+        return super().update(image)
 
 
 @pytest.mark.parametrize(
