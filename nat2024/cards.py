@@ -109,7 +109,7 @@ class Card(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
 
     @property
     def networks(self) -> tuple[NetworkFacts, ...]:
-        """All networks, the default one first; none for methods without a network."""
+        """All networks, that of `variant` first; none for methods without a network."""
         default = NetworkFacts(
             self.variant, self.parameters, self.macs, self.template_macs, self.keys
         )
