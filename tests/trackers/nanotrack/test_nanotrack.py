@@ -7,7 +7,7 @@ import torch
 
 import nat2024
 from nat2024.errors import InvalidOption, WeightsMismatch, WeightsMissing
-from nat2024.weights import import_weights
+from nat2024.weights import import_weights, verify_weights
 from nat2024.zoo import sha256_of
 
 
@@ -172,3 +172,13 @@ def test_registered_weights_bring_their_version_and_runtime(kit, tmp_path, monke
     found = create(variant="v1")
     assert (found.runtime, found.weights.origin) == ("opencv", "registered")
     assert create(variant="v2").runtime == "torch"
+
+
+@pytest.mark.shared
+def test_both_runtimes_of_one_version_may_be_registered(kit, tmp_path, monkeypatch):
+    monkeypatch.setenv("NAT2024_WEIGHTS", str(tmp_path))
+    import_weights("nanotrack", kit / "nanotrackv3.pth")
+    import_weights("nanotrack", kit, {"variant": "v3", "runtime": "opencv"})
+    assert create().runtime == "torch"
+    assert create(runtime="opencv").runtime == "opencv"
+    assert all(verdict.ok for verdict in verify_weights("nanotrack"))
