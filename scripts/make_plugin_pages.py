@@ -2,8 +2,8 @@
 
     python scripts/make_plugin_pages.py
 
-writes `docs/enhancers.md`. The pages hold the plugins that come with nat-bench; a test compares
-them with the cards.
+writes `docs/enhancers.md` and `docs/trackers.md`. The pages hold the plugins that come with
+nat-bench; a test compares them with the cards.
 """
 
 import importlib.metadata
@@ -32,8 +32,27 @@ have](weights.md).
 nat-bench list --enhancers
 ```
 """,
+    "tracker": """\
+# Trackers
+
+What comes with nat-bench, with the facts that every plugin states in its card. `nat-bench list
+--trackers` shows them with the weights at hand, `nat-bench list NAME --card` one of them, and
+`nat-bench list --json` all of it for programs.
+
+Multiply-accumulates (MACs) are those of convolutions, linear layers and attention products for one
+search crop, as the authors' code computes them in every frame; elementwise work is not counted.
+Official weights stay with their authors: nat-bench neither ships nor downloads them, and [registers
+the file that you have](weights.md).
+
+```sh
+nat-bench list --trackers
+```
+""",
 }
-PAGES: dict[Kind, Path] = {"enhancer": ROOT / "docs" / "enhancers.md"}
+PAGES: dict[Kind, Path] = {
+    "enhancer": ROOT / "docs" / "enhancers.md",
+    "tracker": ROOT / "docs" / "trackers.md",
+}
 
 
 def main() -> None:

@@ -22,14 +22,29 @@ def test_the_committed_pages_are_up_to_date(pages):
         assert committed, f"{path.name} is older than the cards; run: {pages.COMMAND}"
 
 
-def test_every_own_plugin_has_its_line_and_section(pages):
-    text = pages.page_of("enhancer")
-    names = pages.own_plugins("enhancer")
-    assert {"ldenhancer", "none", "gamma"} <= set(names)
+@pytest.mark.parametrize(
+    ("kind", "some", "line"),
+    [
+        (
+            "enhancer",
+            {"ldenhancer", "none", "gamma"},
+            "33,522 | 1.723 G | none stated | none stated |",
+        ),
+        (
+            "tracker",
+            {"siamapn", "mosse", "mil"},
+            "15,149,005 | 10.15 G | Apache-2.0 | none stated |",
+        ),
+    ],
+)
+def test_every_own_plugin_has_its_line_and_section(pages, kind, some, line):
+    text = pages.page_of(kind)
+    names = pages.own_plugins(kind)
+    assert some <= set(names)
     for name in names:
         assert f"\n## {name}\n" in text
         assert text.count(f"| [`{name}`](#{name}) |") == 1
-    assert "33,522 | 1.723 G | none stated | none stated |" in text
+    assert line in text
 
 
 def test_signs_of_markdown_are_escaped(pages):
