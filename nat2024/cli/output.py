@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _WIDTH = 100
+_SHORT_NAME = 24
 
 
 def print_json(document: Any) -> None:
@@ -42,7 +43,10 @@ def rows_of(frame: "pd.DataFrame") -> list[dict[str, Any]]:
 def print_table(
     headings: Sequence[str], rows: Iterable[Sequence[str]], *, title: str = "", words: int = 1
 ) -> None:
-    """Print an aligned table; the first `words` columns are words, the others numbers."""
+    """Print an aligned table; the first `words` columns are words, the others numbers.
+
+    Short names in the first column are never broken, so that they can be copied.
+    """
     from rich.box import SIMPLE_HEAD
     from rich.console import Console
     from rich.table import Table
@@ -54,13 +58,15 @@ def print_table(
         pad_edge=False,
         padding=(0, 1, 0, 0),
     )
+    texts = [[_escape(text) for text in row] for row in rows]
+    short = max((len(row[0]) for row in texts), default=0) <= _SHORT_NAME
     for number, heading in enumerate(headings):
         if number < words:
-            table.add_column(heading, overflow="fold")
+            table.add_column(heading, overflow="fold", no_wrap=number == 0 and short)
         else:  # numbers keep their width, so their headings break at every blank
             table.add_column(heading.replace(" ", "\n"), justify="right", no_wrap=True)
-    for row in rows:
-        table.add_row(*map(_escape, row))
+    for row in texts:
+        table.add_row(*row)
     console = Console(highlight=False)
     console.width = min(_WIDTH, console.width) if console.is_terminal else _WIDTH
     console.print(table)

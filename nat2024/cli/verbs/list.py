@@ -11,6 +11,7 @@ from nat2024.cli import options as shared
 from nat2024.cli.output import print_json, print_table
 
 if TYPE_CHECKING:
+    from nat2024.errors import NatBenchError
     from nat2024.registry import Kind
 
 _OPENCV = (
@@ -49,6 +50,8 @@ def command(
         found["enhancers"] = _plugins("enhancer", pattern)
     if datasets or (everything and not cards):
         found["datasets"] = _datasets(pattern)
+    if not any(found.values()) and not set(pattern) & set("*?["):
+        raise _unknown(pattern)
     _warn_of_two_opencvs()
     if as_json:
         print_json(found)
@@ -119,6 +122,16 @@ def _plugins(kind: "Kind", pattern: str) -> list[dict[str, Any]]:
         weights = describe_weights_at_hand(name, card)
         rows.append({**row, "weights": weights, "options": options, "card": card})
     return rows
+
+
+def _unknown(name: str) -> "NatBenchError":
+    from nat2024.datasets import list_datasets
+    from nat2024.errors import UnknownPlugin
+    from nat2024.registry import list_enhancers, list_trackers
+    from nat2024.types import closest
+
+    names = [*list_trackers(), *list_enhancers(), *list_datasets()]
+    return UnknownPlugin(f"nothing here is named {name!r}{closest(name, names)}")
 
 
 def _plain(value: Any) -> Any:

@@ -7,6 +7,8 @@ from typing import Any
 
 import pytest
 
+from nat2024 import list_trackers
+
 
 @pytest.fixture
 def results(night_clip: Path, tmp_path: Path, small_plugins: str, cli: Any) -> Path:
@@ -216,6 +218,20 @@ def test_list_shows_plugins_with_their_options(cli: Any, small_plugins: str) -> 
     _, out, _ = cli("list", "--enhancers", "l*")
     assert "ldenhancer" in out
     assert "gamma" not in out
+
+
+def test_list_names_the_closest_where_nothing_has_a_name(cli: Any) -> None:
+    for words in (["ldenhancr"], ["ldenhancr", "--card"], ["ldenhancr", "--json"]):
+        status, out, err = cli("list", *words)
+        assert (status, out) == (2, "")
+        assert "nothing here is named 'ldenhancr'; closest: ldenhancer" in err
+    assert cli("list", "nothing*")[0] == 0
+
+
+def test_list_keeps_names_in_one_piece(cli: Any) -> None:
+    _, out, _ = cli("list", "--trackers")
+    names = {line.split()[0] for line in out.splitlines() if line.strip()}
+    assert set(list_trackers()) <= names
 
 
 def test_list_marks_a_broken_plugin(cli: Any, monkeypatch: Any) -> None:

@@ -39,6 +39,15 @@ def test_import_list_verify_remove(cli, checkpoint, folder):
     assert cli("weights", "verify")[:2] == (0, "nothing is registered\n")
 
 
+def test_import_says_what_it_replaces(cli, checkpoint, tmp_path):
+    cli("weights", "import", "ldenhancer", checkpoint)
+    assert "in place of" not in cli("weights", "import", "ldenhancer", checkpoint)[1]
+    state = torch.load(checkpoint)
+    torch.save({"state_dict": state, "epoch": 2}, tmp_path / "later.pth")
+    _, out, _ = cli("weights", "import", "ldenhancer", tmp_path / "later.pth")
+    assert out.endswith(f"\nin place of {checkpoint}\n")
+
+
 @pytest.mark.shared
 def test_import_names_the_official_file_and_its_licence(cli, shared):
     path = shared / "parity" / "enhancers" / "checkpoints" / "ldenhancer_model.pth"

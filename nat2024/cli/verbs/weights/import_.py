@@ -1,5 +1,7 @@
 """`nat-bench weights import`: check a weights file and register it."""
 
+from typing import TYPE_CHECKING
+
 import click
 
 from nat2024.cli import options as shared
@@ -10,6 +12,9 @@ from nat2024.cli.verbs.weights.describing import (
     read_options,
     title_of,
 )
+
+if TYPE_CHECKING:
+    from nat2024.zoo.registered import RegisteredWeights
 
 
 @click.command()
@@ -37,6 +42,7 @@ def command(
     from nat2024.weights import import_weights
 
     shared.load_plugins(plugins)
+    before = {entry.record: entry for entry in _registered(name)}
     entry = import_weights(name, file, read_options(variant, opts))
     if as_json:
         print_json(document_of(entry))
@@ -54,3 +60,16 @@ def command(
             f"(sha256 {entry.source_sha256})"
         )
     click.echo(f"registered as {entry.path}")
+    replaced = before.get(entry.record)
+    if replaced and replaced.source_sha256 != entry.source_sha256:
+        click.echo(f"in place of {replaced.known_as or replaced.source}")
+
+
+def _registered(name: str) -> "list[RegisteredWeights]":
+    from nat2024.errors import NatBenchError
+    from nat2024.weights import list_weights
+
+    try:
+        return list_weights(name)
+    except NatBenchError:  # a record that cannot be read; an import may put it right
+        return []
