@@ -168,15 +168,17 @@ def _lines(columns: list[dict[str, Any]]) -> Iterable[list[str]]:
     for name in names:
         values = [column.get(name, float("nan")) for column in columns]
         if any(value == value for value in values):  # a measure that is NaN for all says nothing
-            yield [name.replace("_", " "), *map(_text, values)]
+            is_share = "explained" in name
+            yield [name.replace("_", " "), *(_text(v, is_share=is_share) for v in values)]
 
 
-def _text(value: Any) -> str:
+def _text(value: Any, *, is_share: bool) -> str:
     if isinstance(value, int):
         return str(value)
     if value != value:
         return "-"
-    return f"{value:.6f}" if 0.99 < value < 1 else f"{value:.4g}"
+    near_one = is_share and value > 0.99  # where the verdicts part
+    return f"{value:.6f}" if near_one else f"{value:.4g}"
 
 
 def _check_curve_file(path: Path, titles: list[str]) -> None:

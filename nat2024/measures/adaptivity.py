@@ -248,7 +248,10 @@ class _Sums:
         explained, by_image, colour, image_colour = (
             float("nan") if none or energy <= 0 else 1 - left / energy for left, energy in models
         )
-        best = by_image if by_image >= EXPLAINED else image_colour
+        # A few repeated colours can show that place matters, but not that it does not.
+        few = 1 - self.image_left / self.image_energy if self.image_energy > 0 else float("nan")
+        of_image = few if few < EXPLAINED else image_colour
+        best = by_image if by_image >= EXPLAINED else of_image
         border = sum(self.border) / self.border_values if self.border_values else float("nan")
         return Adaptivity(
             images=images,

@@ -12,8 +12,10 @@ import pytest
 import torch
 
 from nat2024.cli import run
+from nat2024.cli.enhancement_measuring import print_measures
 from nat2024.enhancing.measuring import load_quality_metrics, mean_rows
 from nat2024.errors import UsageError
+from nat2024.measures.adaptivity import FIXED, UNTOLD
 from nat2024.measures.enhancement import ENHANCEMENT_MEASURES, measure_enhancement
 from nat2024.registry import create_enhancer
 from nat2024.testing.enhancers import night_image
@@ -51,7 +53,7 @@ def test_json_has_rows_means_and_adaptivity(images, capsys):
         np.mean([row["mean_after"] for row in found["measures"][:2]])
     )
     verdicts = {row["enhancer"]: row["verdict"] for row in found["adaptivity"]}
-    assert verdicts == {"gamma": "a fixed tone curve", "clahe": "adapts inside images"}
+    assert verdicts == {"gamma": FIXED, "clahe": UNTOLD}
 
 
 def test_the_table_names_measures_and_verdicts(images, capsys):
@@ -62,6 +64,15 @@ def test_the_table_names_measures_and_verdicts(images, capsys):
     assert "gamma: a fixed tone curve" in text
     assert "none: no effect" in text
     assert max(map(len, text.splitlines())) <= 100
+
+
+def test_only_explained_shares_near_one_have_six_places(capsys):
+    row = {"enhancer": "a", "images": 2, "explained": 0.99895, "verdict": "x"}
+    means = [{"enhancer": "a", "images": 2, "noise_gain": 0.996506}]
+    print_measures({"means": means, "adaptivity": [row]})
+    text = capsys.readouterr().out
+    assert "0.998950" in text
+    assert " 0.9965 " in text
 
 
 def test_what_is_there_already_is_measured_as_well(images, capsys):

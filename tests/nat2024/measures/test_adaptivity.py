@@ -106,6 +106,12 @@ def test_noise_is_no_adaptation_between_colours_by_chance() -> None:
     assert found.verdict == adaptivity.INSIDE
 
 
+def test_few_repeated_colours_can_show_that_place_matters() -> None:
+    found = of(lambda x: x * np.linspace(1, 2, 128)[None, :, None])
+    assert math.isnan(found.explained_by_image_colour)
+    assert found.verdict == adaptivity.INSIDE
+
+
 @pytest.mark.parametrize("count", [1, 2])
 def test_where_no_colour_repeats_nothing_is_said_of_places(count) -> None:
     random = np.random.default_rng(0)
