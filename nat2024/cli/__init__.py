@@ -56,7 +56,7 @@ def run(args: Sequence[str] | None = None) -> int:
     try:
         status: Any = cli.main(words, prog_name="nat-bench", standalone_mode=False)
     except click.exceptions.Abort:
-        click.echo("nat-bench: stopped; finished sequences are kept", err=True)
+        click.echo("nat-bench: stopped; what was finished is kept", err=True)
         return 130
     except click.exceptions.NoArgsIsHelpError as error:
         click.echo(error.format_message())

@@ -240,7 +240,7 @@ def _record(
     frames = ""
     for item in source.items:
         if isinstance(item, VideoItem):
-            frames = f"every {item.every}, limit {item.limit}"
+            frames = f"every {item.every}, " + (f"at most {item.limit}" if item.limit else "all")
             frames += ", as frames" if frames_only else ""
     return EnhancementRecord(
         source=str(source.path.resolve()),

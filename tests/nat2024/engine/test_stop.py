@@ -48,5 +48,5 @@ def test_interrupt(night_clip: Path, tmp_path: Path, workers: int) -> None:
     assert time.monotonic() - begun < 10
     assert process.returncode == 130
     assert out == b""
-    assert err.decode().split("\n")[1:-1] == ["nat-bench: stopped; finished sequences are kept"]
+    assert err.decode().split("\n")[1:-1] == ["nat-bench: stopped; what was finished is kept"]
     assert sorted(p.name for p in folder.glob("*.txt")) == ["narrow.txt", "tall.txt"]
