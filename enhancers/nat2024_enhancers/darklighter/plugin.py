@@ -1,10 +1,12 @@
 """DarkLighter as an enhancer: weights around the network of `model`."""
 
-from typing import TYPE_CHECKING, cast
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 from nat2024.cards import read_card
 from nat2024.interfaces import NeuralEnhancer
 from nat2024.registry import register_enhancer
+from nat2024_enhancers.darklighter.settings import PRESETS, DarkLighterSettings
 
 if TYPE_CHECKING:
     import torch
@@ -21,6 +23,8 @@ class DarkLighter(NeuralEnhancer):
     """
 
     card = read_card("nat2024_enhancers.darklighter")
+    training_settings = DarkLighterSettings()
+    training_presets: ClassVar[Mapping[str, Mapping[str, Any]]] = PRESETS
 
     def build(self) -> "DarkLighterNet":
         """The network, with the official checkpoint's 14 keys."""
@@ -36,3 +40,15 @@ class DarkLighter(NeuralEnhancer):
         """The light and noise maps of a batch."""
         _, light, noise = self.model(batch)
         return {"r": light, "n": noise}
+
+    def begin_training(self) -> None:
+        """Draw the initial weights as the settings say."""
+        from nat2024_enhancers.darklighter.training import draw_initial_weights
+
+        draw_initial_weights(cast("DarkLighterNet", self.model), self.training_settings)
+
+    def loss(self, batch: "Mapping[str, Any]") -> "dict[str, torch.Tensor]":
+        """The weighted terms of a batch's `image`, (N, 3, H, W) in 0..1."""
+        from nat2024_enhancers.darklighter.training import loss_terms
+
+        return loss_terms(cast("DarkLighterNet", self.model), batch, self.training_settings)

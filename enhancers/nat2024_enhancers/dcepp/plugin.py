@@ -1,11 +1,13 @@
 """DCE++ as an enhancer: sizes, options and weights around the network of `model`."""
 
-from typing import TYPE_CHECKING, Any, Literal, cast
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, cast
 
 from nat2024.cards import read_card
 from nat2024.errors import ArrayContract, InvalidOption
 from nat2024.interfaces import NeuralEnhancer
 from nat2024.registry import register_enhancer
+from nat2024_enhancers.dcepp.settings import PRESETS, DCEppSettings
 
 if TYPE_CHECKING:
     import torch
@@ -21,6 +23,8 @@ class DCEpp(NeuralEnhancer):
     """
 
     card = read_card("nat2024_enhancers.dcepp")
+    training_settings = DCEppSettings()
+    training_presets: ClassVar[Mapping[str, Mapping[str, Any]]] = PRESETS
 
     def __init__(
         self,
@@ -78,3 +82,9 @@ class DCEpp(NeuralEnhancer):
     def forward_maps(self, batch: "torch.Tensor") -> "dict[str, torch.Tensor]":
         """The curve parameters of a padded batch."""
         return {"x_r": self.model(batch)[1]}
+
+    def loss(self, batch: "Mapping[str, Any]") -> "dict[str, torch.Tensor]":
+        """The weighted terms of a batch's `image`, (N, 3, H, W) in 0..1."""
+        from nat2024_enhancers.dcepp.training import loss_terms
+
+        return loss_terms(cast("DCEppNet", self.model), batch, self.training_settings)

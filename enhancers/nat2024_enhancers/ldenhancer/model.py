@@ -160,11 +160,12 @@ class CrossAttention(nn.Module):
         self.row_embed = nn.Embedding(_TABLE, _FEATURES // 2)
         self.col_embed = nn.Embedding(_TABLE, _FEATURES // 2)
 
-    def forward(self, content: Tensor, light: Tensor) -> Tensor:
-        """F2 and F1, both (N, 8, h, w), to M of the same shape."""
+    def forward(self, content: Tensor, light: Tensor, place: tuple[int, int] = (0, 0)) -> Tensor:
+        """F2 and F1, both (N, 8, h, w), to M of the same shape; `place` as in `LDEnhancerNet`."""
         height, width = content.shape[-2:]
-        columns = self.col_embed.weight[:width].expand(height, -1, -1)
-        rows = self.row_embed.weight[:height, None].expand(-1, width, -1)
+        top, left = place
+        columns = self.col_embed.weight[left : left + width].expand(height, -1, -1)
+        rows = self.row_embed.weight[top : top + height, None].expand(-1, width, -1)
         position = torch.cat([columns, rows], dim=-1).flatten(0, 1)
         tokens = self.layer(_to_tokens(content), _to_tokens(light), position)
         # Contiguous for the BatchNorms: their CPU statistics of channels-last data are inexact.
@@ -260,6 +261,9 @@ class LDEnhancerNet(nn.Module):
         heads: attention heads; they divide 8.
         ffn: width of the layer after the attention.
         dropout: in the attention and after it, in training.
+        two_branch: False leaves the light branch out, for the paper's ablation: one decoder and
+            one estimation net, A = P_E, and O2 is O1.
+        cross_attention: False decodes F2 as it is, likewise.
     """
 
     def __init__(
@@ -270,19 +274,32 @@ class LDEnhancerNet(nn.Module):
         heads: int = 8,
         ffn: int = 64,
         dropout: float = 0.3,
+        two_branch: bool = True,
+        cross_attention: bool = True,
     ) -> None:
         super().__init__()
+        self.two_branch, self.cross_attention = two_branch, cross_attention
         self.sign = 1.0 if iteration_sign == "code" else -1.0
         self.downsamplenet = Encoder()
-        self.upsamplenet_light = Decoder()
+        if two_branch:
+            self.upsamplenet_light = Decoder()
         self.upsamplenet_content = Decoder()
-        self.CrossAttention = CrossAttention(heads, ffn, dropout)
-        self.decompose = nn.Conv2d(_FEATURES, _FEATURES, 1)
-        self.light_estimation = CurveEstimation(_GROUP * iterations)
+        if cross_attention:
+            self.CrossAttention = CrossAttention(heads, ffn, dropout)
+        if two_branch:
+            self.decompose = nn.Conv2d(_FEATURES, _FEATURES, 1)
+            self.light_estimation = CurveEstimation(_GROUP * iterations)
         self.content_estimation = CurveEstimation(_GROUP * iterations)
 
-    def forward(self, image: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    def forward(
+        self, image: Tensor, place: tuple[int, int] = (0, 0)
+    ) -> tuple[Tensor, Tensor, Tensor]:
         """Enhance images.
+
+        Args:
+            image: (N, 3, H, W).
+            place: row and column, in cells of 16 pixels, where these images were cut out of
+                larger ones, so that crops train all positions.
 
         Returns:
             The enhanced images (N, 3, H, W), not clamped; O2 (N, 3, H, W); and A = P_E - P_S,
@@ -291,13 +308,15 @@ class LDEnhancerNet(nn.Module):
         Raises:
             ArrayContract: a side is no multiple of 16 or above 8000 pixels.
         """
-        features = self._features(image)
+        features = self._features(image, place)
         if may_derive(self):
             count, _, height, width = image.shape
             channels = self.content_estimation.e_conv5.out_channels
             amount = image.new_empty((count, channels, height, width))
             return self._apply_in_bands(image, features, amount), features.O2, amount
-        amount = self.content_estimation(features.O1) - self.light_estimation(features.O2)
+        amount = self.content_estimation(features.O1)
+        if self.two_branch:
+            amount = amount - self.light_estimation(features.O2)
         amount = amount.contiguous()
         return self._iterate(image, amount), features.O2, amount
 
@@ -310,15 +329,25 @@ class LDEnhancerNet(nn.Module):
     def maps(self, image: Tensor) -> dict[str, Tensor]:
         """All intermediate maps of an image by their names in the paper; see `forward`."""
         features = self._features(image)
-        light = self.light_estimation(features.O2)
         content = self.content_estimation(features.O1)
-        return {**features._asdict(), "P_S": light, "P_E": content, "A": content - light}
+        if not self.two_branch:
+            return {"F0": features.F0, "O1": features.O1, "P_E": content, "A": content}
+        light = self.light_estimation(features.O2)
+        found = {**features._asdict(), "P_S": light, "P_E": content, "A": content - light}
+        if not self.cross_attention:
+            del found["M"]
+        return found
 
-    def _features(self, image: Tensor) -> Features:
+    def _features(self, image: Tensor, place: tuple[int, int] = (0, 0)) -> Features:
         _check_sides(*image.shape[-2:])
         mixed = self.downsamplenet(image.contiguous())
+        if not self.two_branch:
+            decoded = self.upsamplenet_content(mixed)
+            return Features(mixed, mixed, mixed, decoded, decoded)
         light = self.decompose(mixed)
-        attended = self.CrossAttention(mixed - light, light)
+        attended = mixed - light
+        if self.cross_attention:
+            attended = self.CrossAttention(attended, light, place)
         content_image = self.upsamplenet_content(attended)
         light_image = self.upsamplenet_light(light)
         return Features(mixed, light, attended, content_image, light_image)
@@ -335,7 +364,9 @@ class LDEnhancerNet(nn.Module):
         for start, stop in bands_of(count, height, width, stride=STRIDE):
             rows = slice(start, stop)
             content = self.content_estimation.sigmoids(features.O1, start, stop)
-            content -= self.light_estimation.sigmoids(features.O2, start, stop)
+            content -= (
+                self.light_estimation.sigmoids(features.O2, start, stop) if self.two_branch else 0.5
+            )
             band = enhanced[..., rows, :]
             halves = content.contiguous()
             for step in halves.chunk(halves.shape[1] // _GROUP, dim=1):
