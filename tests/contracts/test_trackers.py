@@ -47,6 +47,10 @@ def test_nanotrack_in_opencv(shared, variant):
 def test_the_list_of_trackers_is_no_shorter_than_this():
     assert set(nat2024.list_trackers()) >= {
         "siamrpnpp",
+        "siamapn",
+        "siamapnpp",
+        "hift",
+        "lpat",
         "nanotrack",
         "opencv_nano",
         "opencv_vit",

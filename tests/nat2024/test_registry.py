@@ -21,7 +21,7 @@ from nat2024.errors import (
 def test_entry_points_are_listed() -> None:
     assert {"none", "gamma", "clahe", "ldenhancer"} <= set(nat2024.list_enhancers())
     assert {"siamrpnpp", "opencv_nano", "mil"} <= set(nat2024.list_trackers())
-    assert nat2024.list_trackers("siam*") == ["siamrpnpp"]
+    assert nat2024.list_trackers("siam*") == ["siamapn", "siamapnpp", "siamrpnpp"]
     assert nat2024.list_enhancers("nothing*") == []
 
 

@@ -5,6 +5,10 @@ import pytest
 
 MODULES = [
     "nat2024_trackers.siamrpnpp.plugin",
+    "nat2024_trackers.siamapn.plugin",
+    "nat2024_trackers.siamapnpp.plugin",
+    "nat2024_trackers.hift.plugin",
+    "nat2024_trackers.lpat.plugin",
     "nat2024_trackers.opencv.nano",
     "nat2024_trackers.opencv.mil",
     "nat2024_trackers.correlation.mosse",
