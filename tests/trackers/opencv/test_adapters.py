@@ -64,7 +64,6 @@ def scripted(monkeypatch):
     [
         ("opencv_vit", {}, WeightsMissing, "object_tracking_vittrack_2023sep.onnx from .*zoo"),
         ("opencv_vit", {"weights": False}, InvalidOption, "has no fresh weights"),
-        ("opencv_vit", {"weights": "."}, WeightsMissing, "pass the ONNX file itself"),
         ("opencv_vit", {"scope": "patch"}, InvalidOption, "only scope=frame"),
         ("opencv_dasiamrpn", {}, WeightsMissing, "dasiamrpn_kernel_r1.onnx, all in one folder"),
         ("opencv_dasiamrpn", {"weights": False}, InvalidOption, "has no fresh weights"),
@@ -85,6 +84,11 @@ def test_broken_files_are_told_at_creation_without_noise(name, tmp_path, capfd):
         nat2024.create_tracker(name, weights=weights)
     assert "\n" not in str(caught.value)
     assert "WARN" not in capfd.readouterr().err
+
+
+def test_vit_takes_a_file_and_no_folder(tmp_path):
+    with pytest.raises(WeightsMissing, match="pass the ONNX file itself"):
+        nat2024.create_tracker("opencv_vit", weights=tmp_path)
 
 
 def test_missing_files_of_three_are_named(tmp_path):
