@@ -1,0 +1,1 @@
+"""Training of SiamRPN++: pairs of crops, the anchors they belong to, the loss."""
