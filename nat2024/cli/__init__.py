@@ -21,6 +21,7 @@ _VERBS = {
     "dataset": "Look at datasets, check them, make a small one.",
     "track": "Track an object in your own video, camera or stream.",
     "profile": "Measure what trackers and enhancers cost.",
+    "train": "Train an enhancer on pictures, by the paper's recipe or your own.",
     "new": "Begin an enhancer or a tracker of your own.",
 }
 
