@@ -45,7 +45,8 @@ class RunScores:
 
     Attributes:
         run: name of its folder.
-        tracker: `NAME[@LABEL]`.
+        tracker: `NAME[@LABEL]`, followed by ` (VARIANT)` where the variant's weights came with a
+            package, such as `siamrpnpp (compact)`.
         enhancer: `NAME[@LABEL]`, "none" for the plain tracker.
         scope: what was enhanced, empty where no manifest tells.
         sequences: scores by sequence.
@@ -289,6 +290,8 @@ def _score_run(
 ) -> RunScores:
     manifest = run.manifest()
     tracker, enhancer = split_run_name(run.name)
+    if manifest and manifest.tracker.title == tracker:
+        tracker = manifest.tracker.shown
     finished = set(run.finished())
     scores: dict[str, SequenceScores] = {}
     strict: list[SequenceScores] = []

@@ -56,6 +56,16 @@ class PluginRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         """`NAME` or `NAME@LABEL`."""
         return f"{self.name}@{self.label}" if self.label else self.name
 
+    @property
+    def shown(self) -> str:
+        """`title` as tables show it: with the variant, where its weights come with a package.
+
+        Such weights are not the authors', so `siamrpnpp (compact)` must not pass for `siamrpnpp`.
+        """
+        variant = self.options.get("variant")
+        is_bundled = self.weights is not None and self.weights.origin == "bundled"
+        return f"{self.title} ({variant})" if is_bundled and variant else self.title
+
 
 class DatasetRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Which dataset was run: its name, and how it was loaded (as in `types.Origin`)."""

@@ -6,7 +6,7 @@ import logging
 import platform
 import subprocess
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import partial
@@ -127,6 +127,8 @@ def run_benchmark(
     with computing_threads(threads):
         settings = partial(describe, dataset=record, threads=threads, on_bad_frame=on_bad_frame)
         runs = [_open(one, trackers, dataset, folder, settings) for one in combinations]
+        for line in dict.fromkeys(line for run in runs for line in _bundled_weights(run.manifest)):
+            log.info("%s", line)
         jobs = [
             Job(run.combination, dataset[name], str(run.folder.path), on_bad_frame, read_ahead)
             for run in runs
@@ -196,6 +198,16 @@ def _open(
     missing = [s.name for s in dataset if not _is_finished(run_folder, manifest, s)]
     manifest.starts |= {name: dataset[name].start_digest() for name in missing}
     return _Run(combination, run_folder, manifest, missing)
+
+
+def _bundled_weights(manifest: Manifest) -> Iterator[str]:
+    """A line for each plugin of a run whose weights come with a package."""
+    for plugin in (manifest.tracker, manifest.enhancer):
+        if plugin and plugin.weights and plugin.weights.origin == "bundled":
+            yield (
+                f"{plugin.shown}: weights {plugin.weights.known_as}, which come with the package; "
+                f"others by --weights {plugin.title}=PATH or nat-bench weights import {plugin.name}"
+            )
 
 
 def _start(run: _Run, workers: int, read_ahead: int) -> None:

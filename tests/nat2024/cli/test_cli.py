@@ -303,7 +303,7 @@ def test_synthesize_writes_a_dataset_and_never_over_another(tmp_path: Path, cli:
         ("run --tracker still --dataset {clip} --opt still=1", "expected NAME[@LABEL].KEY=VALUE"),
         ("run --tracker still --dataset {clip} --opt step", "expected KEY=VALUE"),
         ("run --tracker still --dataset {clip} --weights still=a.pth", "still takes no weights"),
-        ("run --tracker siamrpnpp --dataset {clip}", "no weights for siamrpnpp: pass them with"),
+        ("run --tracker siamapn --dataset {clip}", "no weights for siamapn: pass them with"),
         (
             "run --tracker siamrpnpp --dataset {clip} --weights siamrpnpp=absent.pth",
             "absent.pth: no such file",

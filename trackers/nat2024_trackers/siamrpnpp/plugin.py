@@ -1,23 +1,26 @@
 """The tracker `siamrpnpp`."""
 
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import msgspec
 
 from nat2024.cards import Card, read_card
 from nat2024.interfaces import BatchEnhancer, Scope, load_weights
 from nat2024.registry import register_tracker
-from nat2024.zoo import WeightsSpec, find_weights
+from nat2024.zoo import Weights, WeightsSpec, find_weights
 from nat2024_trackers.siamese.tracker import SiameseTracker
 from nat2024_trackers.siamrpnpp.anchors import AnchorDecoder
 from nat2024_trackers.siamrpnpp.variants import Variant, find_variant
 
-_DEFAULT_VARIANT = "alex"
+if TYPE_CHECKING:
+    from torch import nn
+
+_OFFICIAL, _BUNDLED = "alex", "compact"
 
 
 @register_tracker("siamrpnpp")
 class SiamRPNpp(SiameseTracker):
-    """SiamRPN++ with the networks and constants of STVIR/pysot.
+    """SiamRPN++ with the networks and constants of STVIR/pysot, or small with weights of our own.
 
     Attributes:
         variant: name of the configuration in use.
@@ -43,18 +46,17 @@ class SiamRPNpp(SiameseTracker):
             device: where the network runs, such as "cpu" or "cuda:1".
             scope: what is enhanced: "patch" (default) or "frame".
             enhance_template: whether the template crop is enhanced too.
-            variant: which configuration; None is "alex".
+            variant: which configuration; None is "alex" where weights are given (or False) and
+                else "compact", whose weights come with the package.
 
         Raises:
             InvalidOption: no such variant.
             WeightsMissing, WeightsMismatch: no weights, or of another network.
         """
-        from nat2024_trackers.siamrpnpp.model import SiamRPN
-
-        self.variant = variant or _DEFAULT_VARIANT
+        self.variant = variant or _default_variant(weights)
         chosen = find_variant(self.variant)
-        self.weights = find_weights(self.name, weights, _card_of(self.card, chosen))
-        model = SiamRPN(chosen)
+        self.weights = find_weights(self.name, weights, _card_of(self.card, self.variant))
+        model = _build(chosen)
         load_weights(model, self.weights)
         super().__init__(
             model,
@@ -67,7 +69,24 @@ class SiamRPNpp(SiameseTracker):
         )
 
 
-def _card_of(card: Card, variant: Variant) -> Card:
+def _default_variant(weights: WeightsSpec) -> str:
+    """The variant where none is named: that of weights which are at hand, else our own."""
+    if isinstance(weights, Weights):
+        return str(weights.options.get("variant", _OFFICIAL))
+    return _BUNDLED if weights is None else _OFFICIAL
+
+
+def _build(variant: Variant) -> "nn.Module":
+    if variant.backbone == "compact":
+        from nat2024_trackers.siamrpnpp.compact import CompactSiamRPN
+
+        return CompactSiamRPN()
+    from nat2024_trackers.siamrpnpp.model import SiamRPN
+
+    return SiamRPN(variant)
+
+
+def _card_of(card: Card, variant: str) -> Card:
     """The card with the weights files of one variant only, so that errors name the right file."""
-    files = tuple(f for f in card.weights if f.name.startswith(f"{variant.experiment}/"))
+    files = tuple(file for file in card.weights if file.variant == variant)
     return msgspec.structs.replace(card, weights=files)

@@ -1,6 +1,8 @@
-"""The published configurations of SiamRPN++, each with its constants.
+"""The published configurations of SiamRPN++, each with its constants, and one of our own.
 
 Source: `experiments/*/config.yaml` of STVIR/pysot; `otb` configurations are those tuned for OTB.
+`compact` is not published: a small network trained by this project, its constants chosen on
+rendered clips.
 """
 
 from dataclasses import dataclass
@@ -10,7 +12,7 @@ from nat2024.errors import InvalidOption
 from nat2024.types import closest
 from nat2024_trackers.siamese.state import Constants
 
-Backbone: TypeAlias = Literal["alexnet", "mobilenetv2", "resnet50"]
+Backbone: TypeAlias = Literal["alexnet", "mobilenetv2", "resnet50", "compact"]
 
 ANCHORS = 5
 STRIDE = 8
@@ -23,7 +25,8 @@ class Variant:
     Attributes:
         backbone: which feature network.
         constants: of the tracking loop.
-        experiment: folder of the official configuration and of its `model.pth`.
+        experiment: folder of the official configuration and of its `model.pth`; empty for what is
+            not published.
         weighted: whether the heads of several levels have learned weights.
     """
 
@@ -52,6 +55,7 @@ _ALEX = _constants(287, 0, 0.16, 0.40, 0.30)
 _MOBILEV2 = _constants(255, 8, 0.04, 0.40, 0.50)
 _R50 = _constants(255, 8, 0.05, 0.42, 0.38)
 _R50_OTB = _constants(255, 8, 0.24, 0.50, 0.25)
+_COMPACT = _constants(255, 0, 0.30, 0.25, 0.15)
 
 VARIANTS: dict[str, Variant] = {
     "alex": Variant("alexnet", _ALEX, "siamrpn_alex_dwxcorr"),
@@ -59,6 +63,7 @@ VARIANTS: dict[str, Variant] = {
     "mobilev2": Variant("mobilenetv2", _MOBILEV2, "siamrpn_mobilev2_l234_dwxcorr"),
     "r50": Variant("resnet50", _R50, "siamrpn_r50_l234_dwxcorr", weighted=True),
     "r50_otb": Variant("resnet50", _R50_OTB, "siamrpn_r50_l234_dwxcorr_otb"),
+    "compact": Variant("compact", _COMPACT, ""),
 }
 
 
