@@ -115,9 +115,9 @@ def test_a_batch_of_several_sequences_equals_each_alone(kit, make, runtime):
         for number, target in enumerate(targets)
     ]
     images = frames[1:4]
-    together = tracker.advance_all(images, firsts, targets)
+    together = tracker.update_many(images, firsts, targets)
     assert len({step.index for step in together}) > 1
     for image, first, target, step in zip(images, firsts, targets, together, strict=True):
-        [alone] = tracker.advance_all([image], [first], [target])
+        [alone] = tracker.update_many([image], [first], [target])
         assert alone.index == step.index
         np.testing.assert_allclose(alone.box, step.box, atol=0.0 if runtime == "opencv" else 1e-3)

@@ -214,7 +214,7 @@ def test_several_sequences_advance_in_one_batch_as_they_do_alone(clip):
     firsts, targets = [first for first, _ in begun], [target for _, target in begun]
     for index in range(1, len(frames)):
         images = [sequence[index] for sequence, _ in sequences]
-        steps = tracker.advance_all(images, firsts, targets)
+        steps = tracker.update_many(images, firsts, targets)
         targets = [step.target for step in steps]
         for step, rows in zip(steps, alone, strict=True):
             np.testing.assert_allclose(step.box, rows[index - 1], atol=1e-3)

@@ -56,9 +56,9 @@ def test_a_batch_of_two_sequences_equals_each_alone(make, clip):
     later = box + np.array([12.0, -6, 0, 0])
     begun = [tracker.begin(frames[0], box), tracker.begin(frames[3], later)]
     images = [frames[1], frames[4]]
-    together = tracker.advance_all(images, [b[0] for b in begun], [b[1] for b in begun])
+    together = tracker.update_many(images, [b[0] for b in begun], [b[1] for b in begun])
     for image, (first, target), step in zip(images, begun, together, strict=True):
-        [alone] = tracker.advance_all([image], [first], [target])
+        [alone] = tracker.update_many([image], [first], [target])
         assert alone.index == step.index
         np.testing.assert_allclose(alone.box, step.box, atol=1e-2)
 

@@ -104,7 +104,7 @@ class SiameseTracker(Tracker):
     def advance(self, image: Image) -> tuple[Box, float]:
         """Follow into the next image; the score is the network's own, without penalty."""
         first, target = self._started()
-        [step] = self.advance_all([image], [first], [target])
+        [step] = self.update_many([image], [first], [target])
         self._target, self.last_step = step.target, step
         return step.box, step.score
 
@@ -116,7 +116,7 @@ class SiameseTracker(Tracker):
         template = crop(image, target, side, self.constants.exemplar_size, fill)
         return FirstFrame(fill, side, self._embed([template])), target
 
-    def advance_all(
+    def update_many(
         self, images: Sequence[Image], firsts: Sequence[FirstFrame], targets: Sequence[Target]
     ) -> list[Step]:
         """One frame of several sequences in one batch, without touching this tracker's own state.
