@@ -108,7 +108,7 @@ def set_values(records: Iterable[_Record], values: Mapping[str, Any]) -> tuple[_
 
 def _set(record: _Record, key: str, value: Any) -> _Record:
     fields: dict[str, Any] = msgspec.to_builtins(record)
-    if isinstance(value, str) and isinstance(fields[key], list):
+    if isinstance(value, str) and isinstance(fields[key], list | tuple):
         value = value.split(",")
     try:
         return msgspec.convert({**fields, key: value}, type(record), strict=False)
