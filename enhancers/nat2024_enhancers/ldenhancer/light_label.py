@@ -33,9 +33,19 @@ def light_labels(images: Tensor, settings: LabelSettings | None = None) -> tuple
     """
     how = settings or LabelSettings()
     # One by one, since a single image stays near the processor; exact in double precision.
-    pairs = [_labels_of(image.unsqueeze(0).double(), how) for image in images]
+    pairs = [_labels_of(_exact(image.unsqueeze(0)), how) for image in images]
     light, content = (torch.cat(labels) for labels in zip(*pairs, strict=True))
     return light, content
+
+
+def _exact(image: Tensor) -> Tensor:
+    """The image in double precision; levels of 8 bits as they were before rounding to single.
+
+    Which edges are kept may hang on the last bit.
+    """
+    image = image.double()
+    levels = (image * 255).round() / 255
+    return torch.where((image - levels).abs() < 1e-7, levels, image)
 
 
 def _labels_of(image: Tensor, how: LabelSettings) -> tuple[Tensor, Tensor]:

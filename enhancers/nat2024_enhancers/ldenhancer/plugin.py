@@ -7,6 +7,7 @@ from nat2024.cards import read_card
 from nat2024.errors import InvalidOption
 from nat2024.interfaces import NeuralEnhancer
 from nat2024.registry import register_enhancer
+from nat2024.zoo import preset_weights
 from nat2024_enhancers.ldenhancer.settings import ABLATION, PRESETS, LDEnhancerSettings
 
 if TYPE_CHECKING:
@@ -39,6 +40,7 @@ class LDEnhancer(NeuralEnhancer):
         two_branch: bool = True,
         light_loss: bool = True,
         cross_attention: bool = True,
+        preset: Literal["default", "adaptive", "bright"] | None = None,
         **base: Any,
     ) -> None:
         """Build the network and load its weights; `base` as in `NeuralEnhancer`.
@@ -54,10 +56,14 @@ class LDEnhancer(NeuralEnhancer):
             light_loss: in training, whether the light branch is held to the light label; else
                 the contrast of the image itself is kept.
             cross_attention: False leaves the attention out.
+            preset: which of the weights that come with the package: "default" lifts as the
+                authors' do, "adaptive" lifts dark places more than bright ones, "bright" is for
+                very dark video. None takes registered weights, else "default".
             base: `weights`, `device`, `clamp`, `channel_order`.
 
         Raises:
-            InvalidOption: no iteration, or attention or a light loss without two branches.
+            InvalidOption: no iteration, attention or a light loss without two branches, or a
+                preset beside other weights.
         """
         if not two_branch and (light_loss or cross_attention):
             msg = "ldenhancer.two_branch=false needs light_loss=false and cross_attention=false"
@@ -70,6 +76,8 @@ class LDEnhancer(NeuralEnhancer):
         self.cross_attention = cross_attention
         self.iteration_sign: Literal["code", "paper"] = iteration_sign
         self.stride = pad_multiple
+        self.preset = preset
+        base["weights"] = preset_weights(self.name, preset, base.get("weights"), self.card)
         super().__init__(**base)
 
     def build(self) -> "LDEnhancerNet":

@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from nat2024.cli import options as shared
+from nat2024.cli import training_trackers
 from nat2024.cli.output import print_json, print_table
 from nat2024.cli.progress import ProgressBar
 from nat2024.errors import UsageError
+from nat2024.registry import plugin_kind
 
 if TYPE_CHECKING:
     from nat2024.enhancing.training import (
@@ -25,12 +27,17 @@ _SHOWN = ("dark_lift", "mean_after", "saturated_after", "over_enhanced", "succes
 
 
 @click.command()
-@click.argument("name", metavar="ENHANCER")
+@click.argument("name")
 @click.option(
     "--data",
-    required=True,
     metavar="NAME_OR_PATH",
-    help="A folder of images, a video, or a dataset, of which every 50th frame is taken.",
+    help="A folder of images, a video, or a dataset, of which every 50th frame is taken; "
+    "for a tracker a dataset with boxes, or a folder of photographs.",
+)
+@click.option(
+    "--photographs",
+    type=click.Path(path_type=Path, file_okay=False),
+    help="Of trackers: images that objects are cut from, beside --data's sequences.",
 )
 @shared.root_option
 @click.option(
@@ -84,6 +91,7 @@ _SHOWN = ("dark_lift", "mean_after", "saturated_after", "over_enhanced", "succes
 def command(
     name: str,
     data: str,
+    photographs: Path | None,
     root: Path | None,
     out: Path | None,
     preset: str,
@@ -104,7 +112,10 @@ def command(
     plugins: tuple[str, ...],
     as_json: bool,
 ) -> int:
-    """Train ENHANCER on pictures, and write its weights as OUT/ENHANCER.safetensors.
+    """Train NAME, an enhancer or a tracker, and write its weights as OUT/NAME.safetensors.
+
+    A tracker (siamrpnpp) learns from pairs of crops: of two frames of a sequence with boxes, and
+    of objects that are cut from photographs or drawn, and laid on them.
 
     The same command goes on where it was stopped or killed. Curves are in OUT/curve.csv and
     OUT/validation.csv, and in TensorBoard's form where that is installed.
@@ -115,8 +126,23 @@ def command(
     given |= {key: value for key, value in direct.items() if value is not None}
     if steps is not None:
         given.setdefault("epochs", 0)
+    if plugin_kind(name) == "tracker":
+        if only_settings:
+            return training_trackers.show_settings(name, preset, given, as_json=as_json)
+        chosen = {
+            "out": out or Path("training") / name,
+            "root": root,
+            "options": shared.read_pairs(opts, "--opt"),
+            "start": start,
+            "device": shared.choose_device(device),
+        }
+        tracker = training_trackers.training_of(name, preset, given, data, photographs, **chosen)
+        return training_trackers.run(tracker, minutes, as_json=as_json)
     if only_settings:
         return _show_settings(name, preset, given, as_json=as_json)
+    if data is None:
+        msg = "--data is missing: a folder of images, a video or a dataset"
+        raise UsageError(msg)
     training = _training(
         name, preset, given, data=data, root=root, out=out, opts=opts, device=device
     )

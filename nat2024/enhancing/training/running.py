@@ -152,6 +152,9 @@ def train_enhancer(
     with torch.random.fork_rng(devices=devices):
         torch.manual_seed(training.loop.seed)
         enhancer = _create(training)
+    note = getattr(enhancer, "training_note", "")
+    if note:
+        _log.info("%s: %s", training.name, note)
     store = _store(training, enhancer)
     on_total(len(store.shots))
     store.prepare(training.pictures.workers, on_progress)
@@ -174,8 +177,8 @@ def train_enhancer(
         recalibrate(enhancer.model, batches, training.pictures.recalibrate, training.device)
     finally:
         batches.close()
-    note = {"enhancer": training.name, "steps": str(report.best_step or report.steps)}
-    write_weights(training.weights, enhancer.model, note)
+    header = {"enhancer": training.name, "steps": str(report.best_step or report.steps)}
+    write_weights(training.weights, enhancer.model, header)
     return EnhancerTrainingReport(training.weights, report, len(batches.numbers), len(held_out))
 
 
