@@ -87,7 +87,7 @@ def test_a_checkpoint_of_another_network_is_refused(tmp_path, alex_state):
 @pytest.mark.parametrize(
     ("options", "experiment"),
     [
-        ({}, "siamrpn_alex_dwxcorr/"),
+        ({"variant": "alex"}, "siamrpn_alex_dwxcorr/"),
         ({"variant": "alex_otb"}, "siamrpn_alex_dwxcorr_otb/"),
         ({"variant": "r50"}, "siamrpn_r50_l234_dwxcorr/"),
     ],
@@ -113,6 +113,10 @@ def test_the_card_lists_a_file_for_each_variant():
 
     card = SiamRPNpp.card
     assert card.parameters == 6_251_102
-    assert [file.note for file in card.weights] == [f"variant {name}" for name in VARIANTS]
-    names = [f"{variant.experiment}/model.pth" for variant in VARIANTS.values()]
-    assert [file.name for file in card.weights] == names
+    assert [file.variant for file in card.weights] == list(VARIANTS)
+    assert {file.variant: file.name for file in card.weights if not file.bundled} == {
+        name: f"{variant.experiment}/model.pth"
+        for name, variant in VARIANTS.items()
+        if variant.experiment
+    }
+    assert [file.variant for file in card.weights if file.bundled] == ["compact"]

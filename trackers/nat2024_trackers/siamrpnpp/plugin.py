@@ -1,19 +1,25 @@
 """The tracker `siamrpnpp`."""
 
-from typing import TYPE_CHECKING, ClassVar
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import msgspec
 
 from nat2024.cards import Card, read_card
 from nat2024.interfaces import BatchEnhancer, Scope, load_weights
 from nat2024.registry import register_tracker
+from nat2024.types import Image
 from nat2024.zoo import Weights, WeightsSpec, find_weights
 from nat2024_trackers.siamese.tracker import SiameseTracker
 from nat2024_trackers.siamrpnpp.anchors import AnchorDecoder
+from nat2024_trackers.siamrpnpp.training.settings import PRESETS, PairSettings
 from nat2024_trackers.siamrpnpp.variants import Variant, find_variant
 
 if TYPE_CHECKING:
     from torch import nn
+
+    from nat2024_trackers.siamrpnpp.training.clips import BoxedClip
+    from nat2024_trackers.siamrpnpp.training.recipe import PairBatches, PairLoss, PairValidation
 
 _OFFICIAL, _BUNDLED = "alex", "compact"
 
@@ -27,6 +33,9 @@ class SiamRPNpp(SiameseTracker):
     """
 
     card: ClassVar[Card] = read_card("nat2024_trackers.siamrpnpp")
+    training_settings = PairSettings()
+    training_options: ClassVar[Mapping[str, Any]] = {"variant": _BUNDLED}
+    training_presets: ClassVar[Mapping[str, Mapping[str, Any]]] = PRESETS
 
     def __init__(
         self,
@@ -66,6 +75,38 @@ class SiamRPNpp(SiameseTracker):
             device=device,
             scope=scope,
             enhance_template=enhance_template,
+        )
+
+    def training_parts(
+        self,
+        photographs: Sequence[Image],
+        clips: "Sequence[BoxedClip]",
+        settings: PairSettings,
+        *,
+        seed: int,
+        batch_size: int,
+    ) -> "tuple[PairLoss, PairBatches, PairValidation]":
+        """Loss, batches and validation for `nat2024.training.train`.
+
+        Args:
+            photographs: images that objects are cut from and laid on, BGR.
+            clips: sequences with boxes.
+            settings: which pairs are made of them.
+            seed: of the pairs.
+            batch_size: pairs a step.
+
+        Raises:
+            UsageError: there is no material, or the variant has heads of several levels.
+        """
+        from nat2024_trackers.siamrpnpp.training import recipe
+
+        recipe.check_trainable(self.model, self.variant)
+        pairs = recipe.make_pair_source(settings, photographs, clips, seed)
+        held_out = recipe.make_pair_source(settings, photographs, clips, seed + 1)
+        return (
+            recipe.PairLoss(self.model, settings),
+            recipe.PairBatches(pairs, batch_size),
+            recipe.PairValidation(held_out, count=settings.checked),
         )
 
 

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
+from torch import nn
 
 from nat2024.types import Floats, Image
 from nat2024_trackers.siamese.state import Constants
 from nat2024_trackers.siamrpnpp.anchors import AnchorDecoder
-from nat2024_trackers.siamrpnpp.compact import CompactSiamRPN
 from nat2024_trackers.siamrpnpp.training.pairs import Pair
 
 
@@ -31,7 +31,7 @@ class PairCheck:
     bias: float
 
 
-def check_pairs(model: CompactSiamRPN, pairs: Sequence[Pair]) -> PairCheck:
+def check_pairs(model: nn.Module, pairs: Sequence[Pair]) -> PairCheck:
     """Ask a network in eval mode about pairs, by the raw score without penalty and window."""
     truth = np.stack([pair.box for pair in pairs])
     found = np.concatenate([_best(model, pairs[at : at + 16]) for at in range(0, len(pairs), 16)])
@@ -49,7 +49,7 @@ def check_pairs(model: CompactSiamRPN, pairs: Sequence[Pair]) -> PairCheck:
     )
 
 
-def _best(model: CompactSiamRPN, pairs: Sequence[Pair]) -> Floats:
+def _best(model: nn.Module, pairs: Sequence[Pair]) -> Floats:
     search = np.stack([pair.search for pair in pairs])
     size = search.shape[1]
     decoder = AnchorDecoder(Constants(size, (size - 127) // 8 + 1, 8, 0.0, 0.0, 0.0, anchors=5))

@@ -1,6 +1,7 @@
 """The loss of SiamRPN++ on batches of pairs, as named terms."""
 
 from collections.abc import Mapping
+from typing import TypeAlias
 
 import torch
 import torch.nn.functional as F
@@ -8,17 +9,20 @@ from torch import Tensor
 
 from nat2024_trackers.siamese.correlation import depthwise_correlation
 from nat2024_trackers.siamrpnpp.compact import CompactSiamRPN, template_statistics
-from nat2024_trackers.siamrpnpp.model import DepthwiseXCorr
+from nat2024_trackers.siamrpnpp.model import DepthwiseRPN, DepthwiseXCorr, SiamRPN
 from nat2024_trackers.siamrpnpp.training.targets import Assignment, assign
 
 WEIGHTS = {"positive": 0.5, "negative": 0.5, "cross": 0.2, "box": 1.2}
 """What the terms are multiplied by before they are added."""
 
+PairNetwork: TypeAlias = CompactSiamRPN | SiamRPN
+"""What can be trained on pairs; of `SiamRPN` the variants with one level."""
+
 _HARDEST = 0.05
 
 
 def pair_terms(
-    model: CompactSiamRPN, batch: Mapping[str, Tensor], anchors: Tensor
+    model: PairNetwork, batch: Mapping[str, Tensor], anchors: Tensor
 ) -> dict[str, Tensor]:
     """Terms of the loss, not yet weighted.
 
@@ -34,11 +38,11 @@ def pair_terms(
     Returns:
         positive, negative, cross and box, scalars.
     """
-    mean, spread = template_statistics(batch["template"])
-    template = model.describe(batch["template"], mean, spread)
-    search = model.describe(batch["search"], mean, spread)
-    matched, crossed = _class_maps(model.rpn_head.cls, template, search)
-    offsets = model.rpn_head.loc(model.rpn_head.loc.embed(template), search)
+    template, search = _features(model, batch)
+    head = model.rpn_head
+    assert isinstance(head, DepthwiseRPN)
+    matched, crossed = _class_maps(head.cls, template, search)
+    offsets = head.loc(head.loc.embed(template), search)
     assigned = assign(batch["box"], anchors)
     absent, there = -F.log_softmax(matched, dim=1).transpose(0, 1)
     return {
@@ -47,6 +51,16 @@ def pair_terms(
         "cross": _negative_term(-F.log_softmax(crossed, dim=1)[:, 0].flatten()),
         "box": _box_term(offsets, assigned),
     }
+
+
+def _features(model: PairNetwork, batch: Mapping[str, Tensor]) -> tuple[Tensor, Tensor]:
+    """What the head sees of both crops of each pair."""
+    if isinstance(model, CompactSiamRPN):
+        statistics = template_statistics(batch["template"])
+        template, search = (model.describe(batch[k], *statistics) for k in ("template", "search"))
+        return template, search
+    [template], [search] = (model.neck(model.backbone(batch[k])) for k in ("template", "search"))
+    return template, search
 
 
 def total(terms: dict[str, Tensor]) -> Tensor:

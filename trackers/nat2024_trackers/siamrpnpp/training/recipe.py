@@ -11,19 +11,19 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from nat2024.errors import UsageError
 from nat2024.types import Image
 from nat2024_trackers.siamese.state import Constants
 from nat2024_trackers.siamrpnpp.anchors import anchor_boxes
-from nat2024_trackers.siamrpnpp.compact import CompactSiamRPN
+from nat2024_trackers.siamrpnpp.model import DepthwiseRPN
 from nat2024_trackers.siamrpnpp.training.checks import check_pairs
 from nat2024_trackers.siamrpnpp.training.clips import BoxedClip
-from nat2024_trackers.siamrpnpp.training.loss import WEIGHTS, pair_terms
+from nat2024_trackers.siamrpnpp.training.loss import WEIGHTS, PairNetwork, pair_terms
 from nat2024_trackers.siamrpnpp.training.movement import Ranges
 from nat2024_trackers.siamrpnpp.training.pairs import Mix, PairSource
 from nat2024_trackers.siamrpnpp.training.settings import PairSettings
 
 _AHEAD = 16
-_CHECKED = 48
 _CHECK_SEED = 99
 
 
@@ -34,6 +34,16 @@ def make_pair_source(
     ranges = Ranges(settings.search, settings.shift, settings.scale, settings.aspect, settings.turn)
     mix = Mix(settings.procedural, settings.composite, settings.still, settings.clips)
     return PairSource(photographs, clips, seed, mix, ranges)
+
+
+def check_trainable(network: torch.nn.Module, variant: str) -> None:
+    """Raise `UsageError` where the loss does not know a network's heads."""
+    if not isinstance(getattr(network, "rpn_head", None), DepthwiseRPN):
+        msg = (
+            f"siamrpnpp variant {variant} cannot be trained: its head has several levels; "
+            "compact, alex and alex_otb can"
+        )
+        raise UsageError(msg)
 
 
 class PairBatches:
@@ -105,7 +115,7 @@ def as_tensors(arrays: Mapping[str, Any]) -> dict[str, Tensor]:
 class PairLoss:
     """Weighted terms of the loss of a network on batches of `PairBatches`."""
 
-    def __init__(self, network: CompactSiamRPN, settings: PairSettings | None = None) -> None:
+    def __init__(self, network: PairNetwork, settings: PairSettings | None = None) -> None:
         """Lay out the anchors."""
         self.network = network
         self.settings = settings or PairSettings()
@@ -128,7 +138,7 @@ class PairValidation:
     The pairs are new ones: of the same material, but of another seed than the training's.
     """
 
-    def __init__(self, pairs: PairSource, *, count: int = _CHECKED) -> None:
+    def __init__(self, pairs: PairSource, *, count: int = 48) -> None:
         """Make the pairs; `count` of each generator that has material."""
         kinds = [kind for kind, share in pairs.shares().items() if share and kind != "still"]
         self.pairs = {
@@ -141,7 +151,6 @@ class PairValidation:
 
     def __call__(self, network: torch.nn.Module) -> dict[str, float]:
         """`KIND_overlap`, `KIND_found`, `KIND_slope` and `KIND_bias`, see `PairCheck`."""
-        assert isinstance(network, CompactSiamRPN)
         numbers = {}
         for kind, pairs in self.pairs.items():
             check = check_pairs(network, pairs)

@@ -18,6 +18,7 @@ class PairSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_o
             was trained on.
         shift, scale, aspect, turn: as in `Ranges`.
         procedural, composite, still, clips: shares of the generators, as in `Mix`.
+        checked: held-out pairs of each generator that a validation asks the network about.
         precision: of convolutions; sums, norms and the loss are float32 in any case.
     """
 
@@ -30,6 +31,7 @@ class PairSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_o
     composite: Share = 0.24
     still: Share = 0.04
     clips: Share = 0.28
+    checked: Annotated[int, msgspec.Meta(ge=3)] = 48
     precision: Literal["bfloat16", "float32"] = "bfloat16"
 
 
