@@ -21,6 +21,8 @@ class WeightsFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             the file belongs to that variant only.
         bundled: where the file lies if it comes with a package, as `PACKAGE/FILE`, such as
             `my_package.net/bundled/small.safetensors`.
+        preset: the value of the plugin's option `preset` that takes it, where several files come
+            with a package.
     """
 
     name: str
@@ -30,6 +32,7 @@ class WeightsFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     bytes: int = 0
     note: str = ""
     bundled: str = ""
+    preset: str = ""
 
     @property
     def variant(self) -> str:

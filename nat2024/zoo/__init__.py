@@ -12,8 +12,10 @@ from nat2024.zoo.weights import (
     Weights,
     WeightsSpec,
     bundled_path,
+    find_bundled,
     find_registered,
     find_weights,
+    preset_weights,
     sha256_of,
 )
 
@@ -24,9 +26,11 @@ __all__ = [
     "bundled_path",
     "check_finite",
     "entries_of",
+    "find_bundled",
     "find_registered",
     "find_weights",
     "fit_state_dict",
+    "preset_weights",
     "read_checkpoint",
     "recognise",
     "sha256_of",

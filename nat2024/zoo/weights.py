@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
 from nat2024.cards import Card, WeightsFile
-from nat2024.errors import WeightsMismatch, WeightsMissing
+from nat2024.errors import InvalidOption, WeightsMismatch, WeightsMissing
 from nat2024.files import expand
 from nat2024.zoo.registered import (
     RegisteredWeights,
@@ -17,6 +17,8 @@ from nat2024.zoo.registered import (
     describe_options,
     list_registered,
 )
+
+_CHOSEN = ("given", "fresh")
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +66,7 @@ def find_weights(name: str, spec: WeightsSpec, card: Card) -> Weights:
     if spec is None:
         # weights with options are for a plugin that was created with these
         plain = [one for one in list_registered(name) if not one.options]
-        found = _use(plain[0], card) if plain else _find_bundled(name, card)
+        found = _use(plain[0], card) if plain else find_bundled(name, card)
         if found is None:
             raise WeightsMissing(_how_to_get(name, card))
         return found
@@ -119,10 +121,44 @@ def bundled_path(file: WeightsFile) -> Path | None:
     return Path(str(files(package).joinpath(rest)))
 
 
-def _find_bundled(name: str, card: Card) -> Weights | None:
+def preset_weights(name: str, preset: str | None, spec: WeightsSpec, card: Card) -> WeightsSpec:
+    """Weights of a plugin with an option `preset`, which names weights that come with it.
+
+    A preset that is named comes before registered weights. None changes nothing.
+
+    Args:
+        name: the plugin.
+        preset: what its user asks for.
+        spec: the weights that it was created with.
+        card: its card, whose bundled files name their presets.
+
+    Raises:
+        InvalidOption: weights are given besides, or no bundled file has that preset.
+        WeightsMismatch: the bundled file is damaged.
+    """
+    if preset is None:
+        return spec
+    if spec is False or (spec is not None and getattr(spec, "origin", "given") in _CHOSEN):
+        msg = f"{name}.preset={preset} takes weights that come with the package; leave the option "
+        msg += "or --weights out"
+        raise InvalidOption(msg)
+    found = find_bundled(name, card, preset)
+    if found is None:
+        known = ", ".join(file.preset for file in card.weights if file.preset)
+        msg = f"no weights come with {name} for preset={preset}; there are {known or 'none'}"
+        raise InvalidOption(msg)
+    return found
+
+
+def find_bundled(name: str, card: Card, preset: str = "") -> Weights | None:
+    """The first weights file that comes with a package; of one preset where that is named.
+
+    Raises:
+        WeightsMismatch: it is damaged.
+    """
     for file in card.weights:
         path = bundled_path(file)
-        if path is None:
+        if path is None or (preset and file.preset != preset):
             continue
         digest = sha256_of(path) if path.is_file() else ""
         if not digest or (file.sha256 and digest != file.sha256):
