@@ -330,15 +330,37 @@ def enhance_frame(enhancer: BatchEnhancer, frame: Image, device: str) -> Image:
         return enhanced
     name = getattr(enhancer, "name", "") or "the enhancer"
     with explain_lack_of_memory(name, *frame.shape[:2]):
-        batch = image_to_batch(frame, getattr(enhancer, "device", device))
-        enhanced_batch = enhancer.enhance_batch(batch)
-        if enhanced_batch.shape != batch.shape:
-            msg = (
-                f"the enhancer turned a frame of shape {tuple(batch.shape)} into "
-                f"{tuple(enhanced_batch.shape)}; it must keep the shape"
-            )
-            raise ArrayContract(msg)
-        return batch_to_image(enhanced_batch)
+        return batch_to_image(run_enhancer(enhancer, image_to_batch(frame), device))
+
+
+def run_enhancer(enhancer: BatchEnhancer, batch: "torch.Tensor", device: str) -> "torch.Tensor":
+    """Enhance crops or a frame on the enhancer's own device; without gradients.
+
+    Args:
+        enhancer: anything with `enhance_batch`.
+        batch: float32 (N, 3, H, W) in 0..1.
+        device: where an enhancer that tells no device gets it.
+
+    Returns:
+        A tensor of the same shape, on the enhancer's device; its range is the enhancer's.
+
+    Raises:
+        ArrayContract: the enhancer gives no tensor, or one of another shape.
+    """
+    import torch
+
+    with torch.no_grad():
+        enhanced = enhancer.enhance_batch(batch.to(getattr(enhancer, "device", device)))
+    if not isinstance(enhanced, torch.Tensor):
+        msg = f"the enhancer must give a tensor, not {type(enhanced).__name__}"
+        raise ArrayContract(msg)
+    if enhanced.shape != batch.shape:
+        msg = (
+            f"the enhancer turned a batch of shape {tuple(batch.shape)} into "
+            f"{tuple(enhanced.shape)}; it must keep the shape"
+        )
+        raise ArrayContract(msg)
+    return enhanced.detach()
 
 
 def check_start_box(box: Any, image: Image) -> Box:

@@ -209,3 +209,24 @@ def test_what_a_network_gives_may_enter_training() -> None:
     layer = torch.nn.Conv2d(3, 1, 1)
     layer(out).sum().backward()
     assert layer.weight.grad is not None
+
+
+def test_an_enhancer_that_gives_no_tensor_is_told() -> None:
+    class GivesArrays:
+        def enhance_batch(self, batch: Any) -> Any:
+            return batch.numpy()
+
+    with pytest.raises(ArrayContract, match="must give a tensor, not ndarray"):
+        Sees(enhancer=GivesArrays(), scope="frame").init(IMAGE, [1, 1, 3, 3])
+
+
+def test_a_foreign_network_with_gradients_may_enhance_frames() -> None:
+    class Network:
+        weight = torch.nn.Parameter(torch.ones(1))
+
+        def enhance_batch(self, batch: Any) -> Any:
+            return batch * self.weight
+
+    tracker = Sees(enhancer=Network(), scope="frame")
+    tracker.init(IMAGE, [1, 1, 3, 3])
+    assert tracker.seen[0] == IMAGE.mean()

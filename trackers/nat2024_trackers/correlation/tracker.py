@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from nat2024.errors import ArrayContract, UsageError
+from nat2024.errors import UsageError
 from nat2024.images import image_to_batch
-from nat2024.interfaces import Tracker
+from nat2024.interfaces import Tracker, run_enhancer
 from nat2024.types import Box, Image
 from nat2024_trackers.correlation.fhog import Array
 from nat2024_trackers.correlation.samples import Pixels, cut
@@ -105,16 +105,8 @@ class CorrelationTracker(Tracker):
         import torch
 
         assert self.enhancer is not None
-        given = image_to_batch(patch, getattr(self.enhancer, "device", self.device))
-        with torch.no_grad():
-            better = self.enhancer.enhance_batch(given)
-        if better.shape != given.shape:
-            msg = (
-                f"the enhancer turned crops of shape {tuple(given.shape)} "
-                f"into {tuple(better.shape)}; it must keep the shape"
-            )
-            raise ArrayContract(msg)
-        pixels = torch.nan_to_num(better.detach().float(), nan=0.0).clamp(0.0, 1.0) * 255.0
+        better = run_enhancer(self.enhancer, image_to_batch(patch), self.device)
+        pixels = torch.nan_to_num(better.float(), nan=0.0).clamp(0.0, 1.0) * 255.0
         return np.ascontiguousarray(pixels[0].permute(1, 2, 0).cpu().numpy())
 
 

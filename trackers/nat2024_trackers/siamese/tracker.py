@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from nat2024.errors import ArrayContract, UsageError
-from nat2024.interfaces import BatchEnhancer, Scope, Tracker
+from nat2024.errors import UsageError
+from nat2024.interfaces import BatchEnhancer, Scope, Tracker, run_enhancer
 from nat2024.types import Box, Floats, Image
 from nat2024_trackers.siamese.crops import crop, mean_color, search_window, template_side
 from nat2024_trackers.siamese.selection import cosine_window, select
@@ -175,13 +175,5 @@ class SiameseTracker(Tracker):
         batch = pixels.to(self.device).float()
         if self.enhancer is None or self.scope != "patch" or not enhanced:
             return batch
-        with torch.no_grad():
-            given = (batch / 255.0).to(getattr(self.enhancer, "device", self.device))
-            better = self.enhancer.enhance_batch(given)
-        if better.shape != batch.shape:
-            msg = (
-                f"the enhancer turned crops of shape {tuple(batch.shape)} "
-                f"into {tuple(better.shape)}; it must keep the shape"
-            )
-            raise ArrayContract(msg)
-        return better.detach().to(device=batch.device, dtype=torch.float32) * 255.0
+        better = run_enhancer(self.enhancer, batch / 255.0, self.device)
+        return better.to(device=batch.device, dtype=torch.float32) * 255.0
