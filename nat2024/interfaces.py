@@ -371,7 +371,8 @@ def check_start_box(box: Any, image: Image) -> Box:
         start = np.empty(0)
     height, width = image.shape[:2]
     if start.shape != (4,) or not np.isfinite(start).all():
-        msg = f"start box must be four finite numbers x, y, w, h, not {box!r:.60}"
+        told = box.tolist() if isinstance(box, np.ndarray) else box
+        msg = f"start box must be four finite numbers x, y, w, h, not {told!r:.60}"
         raise ArrayContract(msg)
     x, y, w, h = start
     if w <= 0 or h <= 0:

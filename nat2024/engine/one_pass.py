@@ -1,6 +1,7 @@
 """One-pass evaluation of one sequence: start on the first frame's box, never reset."""
 
-from collections.abc import Callable
+import contextlib
+from collections.abc import Callable, Iterator
 from typing import TypeAlias
 
 import numpy as np
@@ -77,19 +78,31 @@ def _track(
             shape = shape or image.shape
             where = f"frame {index + 1} of {len(sequence)}"
             first_box = None if index else sequence.boxes[0]
-            try:
-                waited = now() - start
+            waited = now() - start
+            with name_failures(where, _other_size(image, shape)):
                 boxes[index], _, spent = track_frame(tracker, image, first_box)
-                seconds[index] = waited, *spent
-            except NatBenchError as error:
-                msg = f"{where}: {error}{_other_size(image, shape)}"
-                raise type(error)(msg) from error
-            except (Exception, SystemExit) as error:  # a plugin may fail in any way
-                msg = f"{where}: {type(error).__name__}: {error}{_other_size(image, shape)}"
-                raise NatBenchError(msg) from error
+            seconds[index] = waited, *spent
         if on_frame:
             on_frame()
     return Track(boxes, seconds, tuple(skipped))
+
+
+@contextlib.contextmanager
+def name_failures(where: str, hint: str = "") -> Iterator[None]:
+    """Tell where a tracker failed, in one line between `where` and `hint`.
+
+    Raises:
+        NatBenchError: whatever a tracker of anybody's raised.
+    """
+    try:
+        yield
+    except NatBenchError as error:
+        msg = f"{where}: {error}{hint}"
+        raise type(error)(msg) from error
+    except (Exception, SystemExit) as error:  # a plugin may fail in any way
+        told = " ".join(str(error).split())
+        msg = f"{where}: {type(error).__name__}: {told}{hint}"
+        raise NatBenchError(msg) from error
 
 
 def track_frame(

@@ -6,7 +6,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from nat2024.engine import track_frame
+from nat2024.engine import name_failures, track_frame
 from nat2024.engine.timing import now
 from nat2024.errors import UsageError
 from nat2024.interfaces import Tracker
@@ -67,6 +67,7 @@ def follow(
     Raises:
         UsageError: the source ends before frame `start`.
         FrameUnreadable: a frame cannot be decoded; frames before it have been told.
+        NatBenchError: the tracker fails; names the frame, counted from 0.
     """
     source.skip(start)
     begin = now()
@@ -75,9 +76,10 @@ def follow(
     if first is None:
         msg = f"{source.title}: ends before frame {start}, counted from 0"
         raise UsageError(msg)
-    tracker.init(first, box)
-    tracker.update(first)
-    row, _, seconds = track_frame(tracker, first, box)
+    with name_failures(f"{source.title}, frame {start}"):
+        tracker.init(first, box)
+        tracker.update(first)
+        row, _, seconds = track_frame(tracker, first, box)
     yield LiveFrame(start, row, float("nan"), np.array([read_seconds, *seconds]), image=first)
     last = np.inf if max_frames is None else start + max_frames
     index, clock = start, 0.0
@@ -94,6 +96,7 @@ def follow(
         index += 1
         if image is None or index >= last:
             return
-        row, score, seconds = track_frame(tracker, image)
+        with name_failures(f"{source.title}, frame {index}"):
+            row, score, seconds = track_frame(tracker, image)
         clock = max(clock, (index - start) / source.rate) + float(seconds.sum())
         yield LiveFrame(index, row, score, np.array([read_seconds, *seconds]), image=image)

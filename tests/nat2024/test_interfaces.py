@@ -230,3 +230,8 @@ def test_a_foreign_network_with_gradients_may_enhance_frames() -> None:
     tracker = Sees(enhancer=Network(), scope="frame")
     tracker.init(IMAGE, [1, 1, 3, 3])
     assert tracker.seen[0] == IMAGE.mean()
+
+
+def test_a_start_box_from_an_array_is_told_as_numbers() -> None:
+    with pytest.raises(ArrayContract, match=r"x, y, w, h, not \[nan, 0.0, 5.0, 5.0\]$"):
+        Sees().init(IMAGE, np.array([np.nan, 0, 5, 5]))

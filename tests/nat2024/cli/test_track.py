@@ -89,6 +89,27 @@ def test_a_bad_frame_keeps_what_came_before(cli, footage, tmp_path):
     assert sum(1 for _ in iter(capture.grab, False)) == 5
 
 
+def test_a_tracker_that_fails_is_named_with_its_frame(cli, footage, tmp_path, monkeypatch):
+    from nat2024_trackers.correlation.mosse import MOSSE
+
+    original = MOSSE.advance
+
+    def fails_late(self, image):
+        self.count = getattr(self, "count", 0) + 1
+        if self.count == 5:  # one of them warmed it up
+            msg = "no\nway"
+            raise ZeroDivisionError(msg)
+        return original(self, image)
+
+    monkeypatch.setattr(MOSSE, "advance", fails_late)
+    out = tmp_path / "out"
+    words = ["--tracker", "mosse", "--box", "30,30,20,20", "--out", out]
+    status, _, err = cli("track", footage, *words)
+    assert status == 2
+    assert err.splitlines()[-1].endswith(f"{footage.name}, frame 4: ZeroDivisionError: no way")
+    assert len(read_boxes(out / "boxes.txt")) == 4
+
+
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
