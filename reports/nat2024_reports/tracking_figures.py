@@ -41,4 +41,5 @@ def center_error_figure(
 def _alone(errors: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
     """Which frames have an error while neither neighbour has one."""
     known = np.pad(np.isfinite(errors), 1)
-    return known[1:-1] & ~known[:-2] & ~known[2:]
+    alone: npt.NDArray[np.bool_] = known[1:-1] & ~known[:-2] & ~known[2:]
+    return alone

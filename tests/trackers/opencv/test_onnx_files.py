@@ -3,7 +3,8 @@ import re
 import pytest
 
 from nat2024.errors import WeightsMismatch, WeightsMissing
-from nat2024_trackers.opencv.onnx_files import find_pair
+from nat2024_trackers.opencv.nano import OpenCVNano
+from nat2024_trackers.opencv.onnx_files import find_folder, find_pair
 
 
 def fill(folder, *names):
@@ -73,3 +74,12 @@ def test_several_files_for_one_part_are_named(tmp_path):
     folder = fill(tmp_path, *OFFICIAL, "nanotrack_head.onnx")
     with pytest.raises(WeightsMismatch, match=r"nanotrack_head\.onnx, nanotrack_head_sim\.onnx"):
         find_pair(folder, "v2")
+
+
+def test_of_a_given_folder_nothing_but_its_name_is_taken(tmp_path, monkeypatch):
+    """It may be a home folder: reading all of it for a digest would take for ever."""
+    fill(tmp_path, *OFFICIAL).joinpath("gone").symlink_to(tmp_path / "nowhere")
+    monkeypatch.setattr("nat2024.zoo.weights.sha256_of", pytest.fail)
+    found, folder = find_folder("opencv_nano", tmp_path, OpenCVNano.card, "both ONNX files")
+    assert (found.path, found.origin, found.sha256) == (tmp_path, "given", "")
+    assert folder == tmp_path

@@ -1,17 +1,17 @@
 """The tracker `opencv_dasiamrpn`: OpenCV's TrackerDaSiamRPN over three ONNX files."""
 
 import dataclasses
-from pathlib import Path
 from typing import Any, ClassVar
 
 import msgspec
 
 from nat2024.cards import Card, WeightsFile, read_card
-from nat2024.errors import InvalidOption, WeightsMissing
+from nat2024.errors import WeightsMissing
 from nat2024.interfaces import BatchEnhancer, Scope
 from nat2024.registry import register_tracker
-from nat2024.zoo import WeightsSpec, find_weights, sha256_of
+from nat2024.zoo import WeightsSpec, sha256_of
 from nat2024_trackers.opencv.base import OpenCVTracker, finite_score, try_out
+from nat2024_trackers.opencv.onnx_files import find_folder
 
 _FILES = {
     "model": "dasiamrpn_model.onnx",
@@ -48,14 +48,8 @@ class OpenCVDaSiamRPN(OpenCVTracker):
             WeightsMismatch: the files do not run.
         """
         super().__init__(enhancer=enhancer, device=device, scope=scope)
-        if weights is False:
-            msg = f"{self.name} has no fresh weights; pass the folder of its three ONNX files"
-            raise InvalidOption(msg)
-        found = find_weights(self.name, weights, _as_folder(self.card))
-        folder = found.path or Path()
-        if not folder.is_dir():
-            msg = f"weights of {self.name}: {folder}: pass the folder that holds the three files"
-            raise WeightsMissing(msg)
+        wanted = _as_folder(self.card)
+        found, folder = find_folder(self.name, weights, wanted, "its three ONNX files")
         self._files = {part: folder / name for part, name in _FILES.items()}
         missing = [path.name for path in self._files.values() if not path.is_file()]
         if missing:

@@ -5,6 +5,7 @@ version; collections rename them to `nanotrackv2_backbone.onnx` and the like.
 """
 
 import dataclasses
+import os
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,6 +15,7 @@ import msgspec
 
 from nat2024.cards import Card, WeightsFile
 from nat2024.errors import InvalidOption, WeightsMismatch, WeightsMissing
+from nat2024.files import expand
 from nat2024.zoo import Weights, WeightsSpec, find_weights, sha256_of
 
 _VERSION = re.compile(r"v(\d)(?!\d)", re.IGNORECASE)
@@ -48,16 +50,37 @@ def find_onnx_weights(
         WeightsMissing: no folder, or one of the two files is not in it.
         WeightsMismatch: the files are of another variant, or several would do.
     """
-    if spec is False:
-        msg = f"{name} has no fresh weights as ONNX; pass the folder of its two ONNX files"
-        raise InvalidOption(msg)
-    found = find_weights(name, spec, _wanted(card, variant))
-    folder = found.path or Path()
-    if not folder.is_dir():
-        msg = f"weights of {name}: {folder}: pass the folder that holds both ONNX files"
-        raise WeightsMissing(msg)
+    found, folder = find_folder(name, spec, _wanted(card, variant), "both ONNX files")
     pair = find_pair(folder, variant, runnable)
     return pair, _identified(found, pair, card, variant, runnable)
+
+
+def find_folder(name: str, spec: WeightsSpec, card: Card, files: str) -> tuple[Weights, Path]:
+    """The folder of weights of the tracker `name`, and what a manifest keeps of it.
+
+    Of a given folder no digest is taken: it may hold anything besides the files in use.
+
+    Args:
+        name: of the tracker.
+        spec: the folder; None for what is registered.
+        card: whose one file says what a user has to get.
+        files: what the folder holds, for errors.
+
+    Raises:
+        InvalidOption: fresh weights, which ONNX files do not have.
+        WeightsMissing: no folder.
+    """
+    if spec is False:
+        msg = f"{name} has no fresh weights as ONNX; pass the folder that holds {files}"
+        raise InvalidOption(msg)
+    if isinstance(spec, str | os.PathLike) and str(spec) and expand(spec).is_dir():
+        return Weights(expand(spec), "given"), expand(spec)
+    found = find_weights(name, spec, card)
+    folder = found.path or Path()
+    if not folder.is_dir():
+        msg = f"weights of {name}: {folder}: pass the folder that holds {files}"
+        raise WeightsMissing(msg)
+    return found, folder
 
 
 def find_pair(folder: Path, variant: str, runnable: Sequence[str] = ("v1", "v2", "v3")) -> OnnxPair:
