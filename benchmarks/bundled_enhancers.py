@@ -2,7 +2,7 @@
 
     python benchmarks/bundled_enhancers.py --images FOLDER [--images FOLDER] [--every 6]
         [--official ldenhancer=model.pth] [--official dcepp=Epoch99.pth]
-        [--sequences FOLDER --nanotrack FOLDER] [--keep results.json] [--json]
+        [--sequences FOLDER --nanotrack FOLDER] [--only dcepp] [--keep results.json] [--json]
         [--update docs/bundled-weights.md]
 
 Images are night images, brought to 256x256; FOLDER of sequences has `data_seq`, and `anno` with a
@@ -169,14 +169,20 @@ class Kept:
 
     def __init__(self, path: Path | None) -> None:
         self.path = path
-        known = path is not None and path.is_file()
-        self.results: dict[str, Any] = json.loads(path.read_text()) if path and known else {}
+        self.results: dict[str, Any] = {}
+        self._read()
+
+    def _read(self) -> None:
+        if self.path is not None and self.path.is_file():
+            self.results |= json.loads(self.path.read_text())
 
     def get(self, key: str, measure: Any) -> Any:
         """What is known under a key, else what `measure()` gives."""
         if key not in self.results:
-            self.results[key] = measure()
-            print(f"{key}: {self.results[key]}", file=sys.stderr)
+            found = measure()
+            print(f"{key}: {found}", file=sys.stderr)
+            self._read()  # another process may have added to it
+            self.results[key] = found
             if self.path is not None:
                 self.path.write_text(json.dumps(self.results, indent=1))
         return self.results[key]
@@ -189,7 +195,7 @@ def run(given: argparse.Namespace) -> Iterator[dict[str, Any]]:
     images = night_images(given.images, given.every)
     names = given.track.split(",") if given.sequences else []
     videos = [read_video(given.sequences, name) for name in names]
-    for line in (Line(*parts) for parts in LINES):
+    for line in (Line(*parts) for parts in LINES if given.only in parts[0]):
         enhancer = line.create(official)
         if enhancer is None:
             print(f"{line.title}: left out, it needs --official", file=sys.stderr)
@@ -256,6 +262,7 @@ def main() -> None:
     parser.add_argument("--sequences", type=Path, help="folder of the sequences")
     parser.add_argument("--track", default="uavdt_S1301a,night_person11", help="their names")
     parser.add_argument("--nanotrack", type=Path, help="folder of the published files")
+    parser.add_argument("--only", default="", help="lines whose title has this in it")
     parser.add_argument("--keep", type=Path, help="file of what was measured")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     parser.add_argument("--update", type=Path, help="page whose tables to replace")
