@@ -265,7 +265,7 @@ def _open(path: Path) -> "cv2.VideoCapture":
     """Open with FFmpeg, which all wheels of OpenCV carry; on one thread it decodes alike always."""
     import cv2
 
-    with _quiet():
+    with quiet_opencv():
         capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG, [cv2.CAP_PROP_N_THREADS, 1])
     if not capture.isOpened():
         msg = f"{path}: cannot be opened as a video; get this file again"
@@ -308,8 +308,8 @@ def _checksum(image: Any) -> int:
 
 
 @contextlib.contextmanager
-def _quiet() -> Iterator[None]:
-    """Let OpenCV not write of its own about a file that our error names."""
+def quiet_opencv() -> Iterator[None]:
+    """Let OpenCV not write of its own about a file or stream that our error names."""
     import cv2
 
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # FFmpeg's own lines

@@ -11,7 +11,7 @@ import numpy as np
 
 from nat2024.datasets.frames import FolderFrames
 from nat2024.datasets.listings import Listing
-from nat2024.datasets.video import VIDEO_EXTENSIONS, open_video
+from nat2024.datasets.video import VIDEO_EXTENSIONS, open_video, quiet_opencv
 from nat2024.errors import FrameUnreadable, UsageError
 from nat2024.files import expand
 from nat2024.types import Image
@@ -231,7 +231,8 @@ class CameraSource(_PacedSource):
 
         super().__init__()
         self.title = f"camera {number}"
-        self._capture = cv2.VideoCapture(number)
+        with quiet_opencv():
+            self._capture = cv2.VideoCapture(number)
         if not self._capture.isOpened():
             msg = f"camera {number} cannot be opened; is it there, and may you use it?"
             raise FrameUnreadable(msg)
@@ -248,7 +249,8 @@ class StreamSource(_PacedSource):
         self.title = url
         timeouts = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, _TIMEOUT_MS]
         timeouts += [cv2.CAP_PROP_READ_TIMEOUT_MSEC, _TIMEOUT_MS]
-        self._capture = cv2.VideoCapture(url, cv2.CAP_FFMPEG, timeouts)
+        with quiet_opencv():
+            self._capture = cv2.VideoCapture(url, cv2.CAP_FFMPEG, timeouts)
         if not self._capture.isOpened():
             msg = f"{url}: cannot be opened as a stream"
             raise FrameUnreadable(msg)

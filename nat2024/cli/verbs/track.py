@@ -18,6 +18,10 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("nat2024")
 
+_ERROR_FILES = tuple(f"center_error.{ending}" for ending in ("pdf", "png", "csv"))
+_LATER_FILES = ("overlay.webm", "summary.json", *_ERROR_FILES)
+"""What a run writes at its end, or does not write."""
+
 
 @click.command()
 @click.argument("source")
@@ -169,6 +173,8 @@ def _follow(
     frames: list[LiveFrame] = []
     total = how["max_frames"] or (source.count - how["start"] if source.count else 0)
     with ExitStack() as stack:
+        for name in _LATER_FILES:
+            (out / name).unlink(missing_ok=True)  # an earlier run's would pass for this one's
         recorder = stack.enter_context(Recorder(out))
         film = stack.enter_context(Film(out / "overlay.webm", source.rate))
         progress = stack.enter_context(ProgressBar(total))

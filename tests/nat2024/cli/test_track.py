@@ -1,6 +1,8 @@
 """`nat-bench track`, on files and on a stream."""
 
 import json
+import subprocess
+import sys
 
 import cv2
 import numpy as np
@@ -136,3 +138,24 @@ def test_the_default_tracker_is_said(cli, footage, tmp_path, monkeypatch):
     status, _, err = cli("track", footage, *words)
     assert status == 0
     assert "no --tracker given, taking mil" in err
+
+
+def test_a_refused_stream_is_one_line(tmp_path):
+    words = ["track", "http://127.0.0.1:9/live", "--box", "1,2,3,4", "--out", str(tmp_path)]
+    done = subprocess.run(
+        [sys.executable, "-m", "nat2024", *words], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 2
+    assert done.stderr.splitlines()[-1].endswith("/live: cannot be opened as a stream")
+    assert all(line.startswith("nat-bench: ") for line in done.stderr.splitlines())
+
+
+def test_files_of_an_earlier_run_do_not_stay_beside_a_new_one(cli, footage, tmp_path):
+    out = tmp_path / "out"
+    out.mkdir()
+    for name in ("center_error.png", "center_error.csv", "overlay.webm", "my.txt"):
+        (out / name).write_text("old")
+    words = ["--tracker", "mosse", "--box", "30,30,20,20", "--no-video", "--out", out]
+    assert cli("track", footage, *words)[0] == 0
+    found = {path.name for path in out.iterdir()}
+    assert found == {"boxes.txt", "frames.csv", "summary.json", "my.txt"}
