@@ -31,7 +31,6 @@ from nat2024_trackers.siamrpnpp.training.recipe import PairLoss, PairValidation,
 
 BATCH = 8
 WARM_UP = 300
-RATE = 2e-3
 LAST_RATE = 0.02
 KEPT_EVERY = 250
 CHECKED_EVERY = 1000
@@ -72,11 +71,11 @@ def generate(given: argparse.Namespace, first: int, queue: Any) -> None:
 def rate_of(step: int, given: argparse.Namespace) -> float:
     """Learning rate of a step: up, level, down."""
     if step < WARM_UP:
-        return RATE * (step + 1) / WARM_UP
+        return float(given.rate) * (step + 1) / WARM_UP
     if step < given.decay_from:
-        return RATE
+        return float(given.rate)
     progress = min(1.0, (step - given.decay_from) / max(1, given.steps - given.decay_from))
-    return RATE * (1 + (LAST_RATE - 1) * progress)
+    return float(given.rate) * (1 + (LAST_RATE - 1) * progress)
 
 
 class Run:
@@ -95,7 +94,7 @@ class Run:
             {"params": decayed, "weight_decay": 1e-4},
             {"params": others, "weight_decay": 0.0},
         ]
-        self.optimizer = torch.optim.AdamW(groups, lr=RATE)
+        self.optimizer = torch.optim.AdamW(groups, lr=given.rate)
         self.loss = PairLoss(self.model)
         if self.last.exists():
             saved = torch.load(self.last, weights_only=True)
@@ -196,6 +195,7 @@ def main() -> None:
     parser.add_argument("--clip-count", type=int, default=140)
     parser.add_argument("--steps", type=int, default=8000)
     parser.add_argument("--decay-from", type=int, default=6200)
+    parser.add_argument("--rate", type=float, default=2e-3)
     parser.add_argument("--seed", type=int, default=0)
     given = parser.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
