@@ -173,16 +173,3 @@ def test_the_size_is_clipped_to_ten_pixels_and_the_image():
     boxes[2:] = [[1.0], [1000.0]]
     target = choose(scores, boxes, constants=loose).target
     assert (target.width, target.height) == (10, 100)
-
-
-def test_a_target_that_is_not_seen_stays_where_it_was_if_asked():
-    scores, boxes = still_candidates()
-    boxes[0] += 9
-    holding = dataclasses.replace(CONSTANTS, least_score=0.4)
-    for score, is_found in ((0.39, False), (0.41, True)):
-        scores[:] = score
-        step = select(
-            scores, boxes, TARGET, SEARCHED, cosine_window(holding), FRAME, constants=holding
-        )
-        assert step.score == score
-        assert (step.target == TARGET) is not is_found

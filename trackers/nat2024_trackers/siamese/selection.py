@@ -84,8 +84,6 @@ def select(
         return Step(target, 0.0, 0.0, -1, searched.side)
     best = int(np.argmax(np.where(usable, pscores, -np.inf)))
     score = float(scores[best])
-    if score < constants.least_score:
-        return Step(target, score, float(pscores[best]), best, searched.side)
     rate = float(penalty[best]) * score * constants.learning_rate
     moved = _move(target, boxes[:, best].astype(np.float64) / searched.scale, rate, frame_size)
     return Step(moved, score, float(pscores[best]), best, searched.side)

@@ -36,8 +36,6 @@ class Constants:
             SiamAPN++, HiFT and LPAT, absent (0) in pysot and NanoTrack.
         large_target_share: HiFT and LPAT search targets above this share of the image with the
             scale of the first frame; None where there is no such rule.
-        least_score: below this score the target stays where it is, until it is found again; 0 in
-            all official code.
     """
 
     instance_size: int
@@ -51,7 +49,6 @@ class Constants:
     context_amount: float = 0.5
     ratio_epsilon: float = 0.0
     large_target_share: float | None = None
-    least_score: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
