@@ -264,7 +264,8 @@ def recalibrate(network: "nn.Module", batches: PictureBatches, count: int, devic
     network.eval()
     for norm in norms:
         norm.train()
-    with torch.no_grad():
+    # Without gradients a network in evaluation may fold its BatchNorms, and they would see nothing.
+    with torch.enable_grad():
         for number in range(count):
             network(batches.whole(number).to(device))
     for norm, momentum in zip(norms, momenta, strict=True):
