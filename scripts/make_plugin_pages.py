@@ -26,7 +26,8 @@ What comes with nat-bench, with the facts that every plugin states in its card. 
 Multiply-accumulates (MACs) are those of convolutions, linear layers and attention products for one
 256x256 image; elementwise work is not counted. Official weights stay with
 their authors: nat-bench neither ships nor downloads them, and [registers the file that you
-have](weights.md).
+have](weights.md). Files that come with the package are [of this project's own
+training](bundled-weights.md).
 
 ```sh
 nat-bench list --enhancers

@@ -125,9 +125,13 @@ def test_answers_may_enter_a_training(enhancer, procedural_batch):
     assert layer.weight.grad.isfinite().all()
 
 
-def test_weights_are_asked_for_and_those_of_another_refused(name, tmp_path):
+@pytest.mark.parametrize("name", ["darklighter", "highlightnet"])
+def test_weights_are_asked_for(name):
     with pytest.raises(WeightsMissing, match=r"Epoch\d+.pth from github.com"):
         create_enhancer(name)
+
+
+def test_weights_of_another_are_refused(name, tmp_path):
     path = tmp_path / "other.pth"
     torch.save({"other.weight": torch.zeros(3)}, path)
     with pytest.raises(WeightsMismatch, match="not a checkpoint of this network"):

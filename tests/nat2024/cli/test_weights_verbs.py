@@ -125,7 +125,7 @@ def test_the_list_says_what_is_at_hand(cli, checkpoint):
     assert max(map(len, out.splitlines())) <= 100
     (line,) = (line for line in out.splitlines() if line.startswith(" ldenhancer "))
     assert line.split()[-3:] == ["k", "1.723", "G"]
-    assert " none " in line
+    assert " bundled " in line
     cli("weights", "import", "ldenhancer", checkpoint)
     _, out, _ = cli("list", "--enhancers")
     (line,) = (line for line in out.splitlines() if line.startswith(" ldenhancer "))
