@@ -180,7 +180,7 @@ def export(run: Run) -> None:
     facts = {
         "photographs": len(digests),
         "training_seeds": [FIRST_SEED, FIRST_SEED + run.given.clip_count - 1],
-        "choice_seeds": [420_000, 420_013],
+        "choice_seeds": [420_000, 421_006],
         "photographs_sha256": digests,
     }
     (run.given.out / "compact.json").write_text(json.dumps(facts, indent=1) + "\n")

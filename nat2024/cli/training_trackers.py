@@ -98,7 +98,7 @@ def _print(report: "TrackerTrainingReport") -> None:
         rows = [[name, f"{value:.4g}"] for name, value in loop.terms.items()]
         print_table(["Last losses", "mean"], rows)
     if loop.numbers:
-        print_table(["Held-out pairs", "overlap", "found", "size slope", "size bias"], _rows(loop))
+        print_table(["New pairs", "overlap", "found", "size slope", "size bias"], _rows(loop))
     click.echo(f"weights: {report.weights}")
 
 

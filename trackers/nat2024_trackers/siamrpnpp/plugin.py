@@ -102,11 +102,11 @@ class SiamRPNpp(SiameseTracker):
 
         recipe.check_trainable(self.model, self.variant)
         pairs = recipe.make_pair_source(settings, photographs, clips, seed)
-        held_out = recipe.make_pair_source(settings, photographs, clips, seed + 1)
+        unseen = recipe.make_pair_source(settings, photographs, clips, seed + 1)
         return (
             recipe.PairLoss(self.model, settings),
             recipe.PairBatches(pairs, batch_size),
-            recipe.PairValidation(held_out, count=settings.checked),
+            recipe.PairValidation(unseen, count=settings.checked),
         )
 
 

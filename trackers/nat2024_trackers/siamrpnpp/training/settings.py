@@ -18,7 +18,7 @@ class PairSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_o
             was trained on.
         shift, scale, aspect, turn: as in `Ranges`.
         procedural, composite, still, clips: shares of the generators, as in `Mix`.
-        checked: held-out pairs of each generator that a validation asks the network about.
+        checked: new pairs of each generator, of the same material, that a validation looks at.
         precision: of convolutions; sums, norms and the loss are float32 in any case.
     """
 
