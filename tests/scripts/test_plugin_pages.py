@@ -28,7 +28,7 @@ def test_the_committed_pages_are_up_to_date(pages):
         (
             "enhancer",
             {"ldenhancer", "none", "gamma"},
-            "33,522 | 1.723 G | none stated | none stated |",
+            "33,522 | 1.723 G | none stated | none stated, Apache-2.0; trained on images",
         ),
         (
             "tracker",
