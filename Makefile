@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 RESULTS := .cache/results
 
-.PHONY: run test lint types contracts suite clean
+.PHONY: run test lint types contracts suite slow clean
 .DEFAULT_GOAL := run
 
 $(READY): pyproject.toml
@@ -34,6 +34,10 @@ contracts: $(READY)
 
 suite: $(READY)
 	$(BIN)/python -m pytest --numprocesses 2 --dist worksteal
+
+# What takes long and changes seldom: yardsticks of the benchmarks, ResNet-50, whole measurements.
+slow: $(READY)
+	$(BIN)/python -m pytest --numprocesses 2 --dist worksteal -m slow
 
 clean:
 	rm -rf $(VENV) .cache build dist

@@ -59,6 +59,7 @@ def test_what_is_done_to_images_is_measured():
 
 
 @pytest.mark.parametrize("every", [True, False])
+@pytest.mark.slow
 def test_sequences_with_all_boxes_and_with_key_frames(every, tmp_path):
     (tmp_path / "data_seq" / "clip").mkdir(parents=True)
     for number in range(1, 4):
@@ -73,6 +74,7 @@ def test_sequences_with_all_boxes_and_with_key_frames(every, tmp_path):
     assert list(video.boxes[2]) == [3, 2, 3, 4]
 
 
+@pytest.mark.slow
 def test_it_measures_once_and_updates_a_page(tmp_path):
     folder = tmp_path / "images"
     folder.mkdir()

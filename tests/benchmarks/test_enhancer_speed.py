@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import enhancer_speed
+import pytest
 from enhancer_speed import MARKERS, Case, Measured
 
 TINY = Case("ldenhancer", 48, 32, 1)
@@ -27,6 +28,7 @@ def test_what_could_not_be_measured_is_a_dash():
     assert dead.row() == "| `ldenhancer` | 48x32 | 1 | - | 50.0 | - | - | 250 | - |"
 
 
+@pytest.mark.slow
 def test_both_sides_are_measured_in_fresh_processes():
     (measured,) = enhancer_speed.measure(["ldenhancer"], [(48, 32)], [1], repeats=1)
     assert measured.case == TINY
@@ -34,6 +36,7 @@ def test_both_sides_are_measured_in_fresh_processes():
         assert 0 < value < 60_000
 
 
+@pytest.mark.slow
 def test_a_process_that_dies_leaves_no_number():
     absent = replace(TINY, enhancer="absent")
     assert math.isnan(enhancer_speed.in_own_process(absent, 60, side="ours")["ours"])

@@ -4,6 +4,7 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
+import pytest
 import tracker_speed
 from tracker_speed import MARKERS, Measured
 
@@ -26,6 +27,7 @@ def test_what_could_not_be_measured_is_a_dash():
     assert dead.row() == "| `siamrpnpp` | 287x287 | 1 | - | - | - |"
 
 
+@pytest.mark.slow
 def test_both_sides_are_measured_in_a_fresh_process():
     (measured,) = tracker_speed.measure(["siamrpnpp"], [1], repeats=1)
     assert (measured.tracker, measured.side, measured.threads) == ("siamrpnpp", 287, 1)

@@ -30,6 +30,7 @@ def run(*arguments):
     )
 
 
+@pytest.mark.slow
 def test_it_measures_and_updates_a_page(night_clip, tmp_path):
     page = tmp_path / "page.md"
     page.write_text(f"before\n{MARKERS[0]}\nold\n{MARKERS[1]}\nafter\n")

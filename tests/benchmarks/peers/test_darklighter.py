@@ -9,6 +9,8 @@ from peers import darklighter
 from nat2024.registry import create_enhancer
 from nat2024.zoo import read_checkpoint
 
+pytestmark = pytest.mark.slow  # yardsticks of benchmarks, not the product
+
 
 @pytest.mark.shared
 @pytest.mark.parametrize(

@@ -9,6 +9,8 @@ from peers import highlightnet
 from nat2024.registry import create_enhancer
 from nat2024.zoo import read_checkpoint
 
+pytestmark = pytest.mark.slow  # yardsticks of benchmarks, not the product
+
 
 @pytest.mark.shared
 @pytest.mark.parametrize("case", ["dt36_127x127", "dt76_101x77", "p11_256x256"])

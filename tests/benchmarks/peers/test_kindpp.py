@@ -12,6 +12,8 @@ from peers import kindpp
 from nat2024_enhancers.kindpp.convert import from_tensorflow
 from nat2024_enhancers.kindpp.model import KindPlusPlusNet
 
+pytestmark = pytest.mark.slow  # yardsticks of benchmarks, not the product
+
 
 def test_the_yardstick_has_the_keys_of_the_plugin_network():
     ours = KindPlusPlusNet().state_dict()

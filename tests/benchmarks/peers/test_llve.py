@@ -9,6 +9,8 @@ import pytest
 import torch
 from peers import llve
 
+pytestmark = pytest.mark.slow  # yardsticks of benchmarks, not the product
+
 CONFTEST = Path(__file__).parents[2] / "enhancers" / "conftest.py"
 
 

@@ -8,6 +8,8 @@ from peers import nanotrack
 from nat2024.registry import create_tracker
 from nat2024.zoo import read_checkpoint
 
+pytestmark = pytest.mark.slow  # yardsticks of benchmarks, not the product
+
 VARIANTS = ["v1", "v2", "v3"]
 
 

@@ -8,6 +8,8 @@ from peers import ruas
 
 from nat2024.zoo import read_checkpoint
 
+pytestmark = pytest.mark.slow  # yardsticks of benchmarks, not the product
+
 
 @pytest.mark.shared
 @pytest.mark.parametrize(

@@ -11,6 +11,8 @@ import torch
 
 import nat2024
 
+pytestmark = pytest.mark.slow  # yardsticks of benchmarks, not the product
+
 CONFTEST = Path(__file__).parents[2] / "trackers" / "conftest.py"
 PROPOSALS = ("cls1", "cls2", "cls3", "loc", "anchors")
 # tracker, name of the official outputs, their order
