@@ -1,9 +1,13 @@
 """What all tests share: the parity kits and real data beside the project, where they are."""
 
+import os
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+
+# Before torch is imported: workers that each compute on all cores only wait for one another.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 
