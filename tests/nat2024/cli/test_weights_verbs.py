@@ -148,6 +148,6 @@ def test_a_card_is_shown_whole(cli):
     assert max(map(len, out.splitlines())) <= 100
     words = " ".join(out.split())
     assert "variant r50: 53,950,624 parameters, 48.81 G multiply-accumulates a search crop" in words
-    assert "Weights at hand: none" in words
+    assert "Weights at hand: bundled: compact.safetensors" in words
     assert "licence: CC BY-SA 3.0" in words
     assert "datasets" not in out.lower()
