@@ -29,8 +29,8 @@ class Column:
 COLUMNS = (
     Column("success_auc", "Success", gain=True),
     Column("precision_20", "Precision", gain=True),
-    Column("normalized_precision_20", "Norm. precision", gain=True),
-    Column("normalized_precision_auc", "Norm. precision AUC", gain=False),
+    Column("normalized_precision_20", "Norm. prec.", gain=True),
+    Column("normalized_precision_auc", "Norm. prec. AUC", gain=False),
     Column("average_overlap", "Average overlap", gain=True),
     Column("success_rate_50", "SR 0.50", gain=False),
     Column("success_rate_75", "SR 0.75", gain=False),
