@@ -91,7 +91,7 @@ def read_picture_options(
     Raises:
         UsageError: a file of another kind, no numbers, or options that need another.
     """
-    from nat2024_reports.enhancement_figures import ENDINGS
+    from nat2024_reports.style import ENDINGS
 
     for option, path in (("--sheet", sheet), ("--strip", strip)):
         if path is not None and path.suffix.lower() not in ENDINGS:
@@ -215,7 +215,7 @@ def _write_sheet(
     path: Path, chosen: "Sequence[Chosen]", out: Path, columns: Sequence[str]
 ) -> list[Path]:
     from nat2024.enhancing.showing import light_numbers, thumbnail
-    from nat2024_reports.enhancement_figures import SheetRow, contact_sheet
+    from nat2024_reports.figures.enhancement import SheetRow, contact_sheet
 
     rows, numbers = [], []
     for one in chosen:
@@ -236,7 +236,7 @@ def _write_strip(
     path: Path, chosen: "Chosen", insets: "Sequence[Inset]", out: Path, columns: Sequence[str]
 ) -> list[Path]:
     from nat2024.enhancing.showing import choose_insets, light_numbers
-    from nat2024_reports.enhancement_figures import comparison_strip
+    from nat2024_reports.figures.enhancement import comparison_strip
 
     item, index = chosen
     there = [(h, image) for h, image in _read_all(chosen, out, columns) if image is not None]
@@ -295,7 +295,8 @@ def write_maps(
 
 def _write_maps(folder: Path, maps: dict[str, Any], order: str) -> list[Path]:
     from nat2024.files import write_atomic
-    from nat2024_reports.enhancement_figures import channel_labels, figure_bytes, maps_figure
+    from nat2024_reports.figures.enhancement import channel_labels, maps_figure
+    from nat2024_reports.style import figure_bytes
 
     written, numbers = [], []
     for name, values in maps.items():
@@ -320,7 +321,7 @@ def _write_maps(folder: Path, maps: dict[str, Any], order: str) -> list[Path]:
 
 def _write(path: Path, figure: Any, numbers: list[dict[str, Any]]) -> list[Path]:
     from nat2024.files import write_atomic
-    from nat2024_reports.enhancement_figures import figure_bytes
+    from nat2024_reports.style import figure_bytes
 
     beside = numbers_file(path)
     write_atomic(path, figure_bytes(figure, path.suffix))

@@ -5,7 +5,8 @@ embedded as TrueType, as publishers ask for.
 """
 
 import contextlib
-from collections.abc import Iterator
+import io
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -37,8 +38,22 @@ _SETTINGS: Any = {
     "legend.frameon": False,
     "pdf.fonttype": 42,
     "ps.fonttype": 42,
+    "svg.fonttype": "path",
+    "svg.hashsalt": "nat-bench",
+    "hatch.linewidth": 0.6,
     "image.cmap": "viridis",
     "figure.constrained_layout.use": True,
+}
+
+
+ENDINGS = (".png", ".jpg", ".jpeg", ".pdf", ".svg")
+"""Kinds of files that `figure_bytes` writes."""
+
+_UNDATED: dict[str, dict[str, Any]] = {
+    "pdf": {"metadata": {"CreationDate": None, "Creator": None, "Producer": None}},
+    "svg": {"metadata": {"Date": None, "Creator": None}},
+    "png": {"metadata": {"Software": None}},
+    "jpg": {"pil_kwargs": {"quality": 92}},
 }
 
 
@@ -63,18 +78,36 @@ def new_figure(width: float, height: float) -> "Figure":
     return figure
 
 
-def save_figure(figure: "Figure", folder: Path, name: str) -> tuple[Path, Path]:
-    """Write `NAME.pdf` and `NAME.png`, without date and program: equal data gives equal files.
+def figure_bytes(figure: "Figure", ending: str) -> bytes:
+    """A figure as the content of a file, without date and program: equal data gives equal bytes.
+
+    Args:
+        figure: any; its layout is settled here, once for all files that are made of it.
+        ending: one of `ENDINGS`.
+    """
+    kind = {".jpeg": "jpg"}.get(ending.lower(), ending.lower().lstrip("."))
+    buffer = io.BytesIO()
+    with figure_style():
+        if figure.get_layout_engine() is not None:
+            figure.draw_without_rendering()
+            figure.set_layout_engine("none")
+        figure.savefig(buffer, format=kind, **_UNDATED[kind])
+    return buffer.getvalue()
+
+
+def save_figure(
+    figure: "Figure", folder: Path, name: str, endings: Sequence[str] = (".pdf", ".png")
+) -> tuple[Path, ...]:
+    """Write `NAME.ENDING` for each of `endings`.
 
     Returns:
-        The two paths.
+        The paths, in the order of `endings`.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    pdf, png = folder / f"{name}.pdf", folder / f"{name}.png"
-    with figure_style():
-        figure.savefig(pdf, metadata={"CreationDate": None, "Creator": None, "Producer": None})
-        figure.savefig(png, metadata={"Software": None})
-    return pdf, png
+    paths = tuple(folder / f"{name}{ending}" for ending in endings)
+    for path, ending in zip(paths, endings, strict=True):
+        path.write_bytes(figure_bytes(figure, ending))
+    return paths
 
 
 def plain_text(name: str) -> str:

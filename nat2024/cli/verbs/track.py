@@ -204,8 +204,8 @@ def _draw_errors(frames: "list[LiveFrame]", truth: "Boxes", out: Path, label: st
 
     from nat2024.files import write_atomic
     from nat2024.live import center_errors
+    from nat2024_reports.figures.tracking import center_error_figure
     from nat2024_reports.style import save_figure
-    from nat2024_reports.tracking_figures import center_error_figure
 
     numbers = np.array([frame.index for frame in frames])
     errors = center_errors(frames, truth)

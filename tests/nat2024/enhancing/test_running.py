@@ -19,7 +19,7 @@ from nat2024.enhancing import (
 from nat2024.enhancing.feeding import enhance
 from nat2024.errors import ResultConflict, UnknownPlugin, UsageError
 from nat2024.registry import load_plugin
-from nat2024_reports.enhancement_figures import maps_figure
+from nat2024_reports.figures.enhancement import maps_figure
 
 
 def files(folder: Path) -> list[str]:

@@ -21,7 +21,7 @@ from nat2024.cli.output import json_text, print_json, print_table
 if TYPE_CHECKING:
     from nat2024.analysis import DatasetStatistics
     from nat2024.types import Dataset, Sequence
-    from nat2024_reports.dataset_figures import FirstFrame
+    from nat2024_reports.figures.dataset import FirstFrame
 
 _THUMBNAIL = 400
 """Width of a first frame in the contact sheet in pixels."""
@@ -132,7 +132,7 @@ def _write_tables(found: "DatasetStatistics", document: dict[str, Any], out: Pat
 
 
 def _write_figures(found: "DatasetStatistics", dataset: "Dataset", out: Path) -> None:
-    from nat2024_reports import dataset_figures as draw
+    from nat2024_reports.figures import dataset as draw
     from nat2024_reports.style import save_figure
 
     table, rules = found.sequences, found.rules
@@ -166,7 +166,7 @@ def _first_frame(sequence: "Sequence") -> "FirstFrame":
     import cv2
     import numpy as np
 
-    from nat2024_reports.dataset_figures import FirstFrame
+    from nat2024_reports.figures.dataset import FirstFrame
 
     annotated = np.flatnonzero(np.isfinite(sequence.boxes).all(axis=1))
     frame = int(annotated[0]) if len(annotated) else 0

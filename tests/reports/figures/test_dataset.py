@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 
 from nat2024_reports import statistics_markdown
-from nat2024_reports.dataset_figures import (
+from nat2024_reports.figures.dataset import (
     FirstFrame,
     co_occurrence_figure,
     contact_sheets,

@@ -1,6 +1,6 @@
 import numpy as np
 
-from nat2024_reports.tracking_figures import center_error_figure
+from nat2024_reports.figures.tracking import center_error_figure
 
 
 def drawn(errors):

@@ -1,6 +1,5 @@
 """Figures of enhanced images: contact sheets, strips with insets, maps; arrays in, figures out."""
 
-import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -26,9 +25,6 @@ if TYPE_CHECKING:
 
 Pixels = npt.NDArray[np.uint8]
 """uint8 (H, W, 3) RGB."""
-
-ENDINGS = (".png", ".jpg", ".jpeg", ".pdf")
-"""Kinds of files that `figure_bytes` writes."""
 
 INSET_COLOURS = (VERMILION, "#56B4E9", ORANGE, GREEN, BLUE)
 _LINE = 0.13  # inches that a line of small letters takes
@@ -213,25 +209,6 @@ def _reduced(values: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
     cut = values[:, : height * tall, : width * wide]
     means: npt.NDArray[np.float32] = cut.reshape(-1, height, tall, width, wide).mean(axis=(2, 4))
     return means
-
-
-def figure_bytes(figure: "Figure", ending: str) -> bytes:
-    """A figure as the content of a file; the same bytes for the same figure.
-
-    Args:
-        figure: any.
-        ending: one of `ENDINGS`.
-    """
-    kind = {".jpeg": "jpg"}.get(ending.lower(), ending.lower().lstrip("."))
-    undated: dict[str, dict[str, Any]] = {
-        "pdf": {"metadata": {"CreationDate": None, "Creator": None, "Producer": None}},
-        "png": {"metadata": {"Software": None}},
-        "jpg": {"pil_kwargs": {"quality": 92}},
-    }
-    buffer = io.BytesIO()
-    with figure_style():
-        figure.savefig(buffer, format=kind, **undated[kind])
-    return buffer.getvalue()
 
 
 def _bare_figure(width: float, height: float) -> "Figure":

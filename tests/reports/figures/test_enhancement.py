@@ -3,14 +3,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from nat2024_reports.enhancement_figures import (
+from nat2024_reports.figures.enhancement import (
     SheetRow,
     channel_labels,
     comparison_strip,
     contact_sheet,
-    figure_bytes,
     maps_figure,
 )
+from nat2024_reports.style import figure_bytes
 
 
 def image(height: int = 18, width: int = 32, value: int = 40) -> np.ndarray:

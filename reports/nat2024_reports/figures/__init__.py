@@ -1,0 +1,1 @@
+"""Figures: tables and arrays in, figures out; nothing is computed, and saving is apart."""
