@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from nat2024.archives import read_bytes
 from nat2024.boxes import parse_boxes, parse_rows
-from nat2024.datasets.archives import read_bytes
 from nat2024.errors import BoxFileError, DatasetIncomplete
 from nat2024.types import Boxes, Flags
 

@@ -9,7 +9,7 @@ from typing import Literal
 
 import msgspec
 
-from nat2024.datasets.archives import read_bytes
+from nat2024.archives import read_bytes
 from nat2024.datasets.conversion_source import Source, read_source
 from nat2024.datasets.converters import CONVERTERS
 from nat2024.datasets.converters.common import iterate_once

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-from nat2024.datasets.archives import is_archive
+from nat2024.archives import is_archive
 from nat2024.datasets.converters import CONVERTERS, Converter, Described, coco_video, pysot
 from nat2024.datasets.converters.common import EXTRA_FILE
 from nat2024.datasets.converters.index import FORMAT as INDEX

@@ -6,7 +6,7 @@ from operator import methodcaller
 from pathlib import Path
 from typing import Protocol, SupportsIndex, runtime_checkable
 
-from nat2024.datasets.archives import read_bytes
+from nat2024.archives import read_bytes
 from nat2024.datasets.decoding import check_reduction, decode_image, image_size, shrink, size_fault
 from nat2024.errors import FrameUnreadable
 from nat2024.types import FrameSource, Image

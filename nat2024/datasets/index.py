@@ -12,8 +12,8 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from nat2024.archives import read_bytes
 from nat2024.datasets.annotations import read_side_file
-from nat2024.datasets.archives import read_bytes
 from nat2024.datasets.converters.got10k import read_folder
 from nat2024.datasets.converters.published import UNNAMED_FLAGS
 from nat2024.datasets.described import frame_names

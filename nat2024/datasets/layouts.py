@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, TypeAlias
 
-from nat2024.datasets.archives import is_archive
+from nat2024.archives import is_archive
 from nat2024.datasets.frames import FolderFrames, StoredFrames
 from nat2024.datasets.listings import Listing, path_kind
 from nat2024.datasets.schema import AnnotatedDataset, AnnotatedSequence

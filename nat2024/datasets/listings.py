@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from nat2024.datasets.archives import list_archived
+from nat2024.archives import list_archived
 from nat2024.datasets.frames import image_names
 from nat2024.datasets.video import VIDEO_EXTENSIONS
 from nat2024.errors import DatasetNotFound

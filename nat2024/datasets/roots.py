@@ -19,7 +19,7 @@ from pathlib import Path
 
 import msgspec
 
-from nat2024.datasets.archives import is_archive
+from nat2024.archives import is_archive
 from nat2024.datasets.listings import path_kind
 from nat2024.datasets.registered import (
     DatasetFacts,

@@ -13,7 +13,7 @@ from typing import Any, Literal, TypeAlias
 
 import msgspec
 
-from nat2024.datasets import archives
+from nat2024 import archives
 from nat2024.datasets.file_names import expand_pattern
 from nat2024.errors import AnnotationInvalid
 

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, SupportsIndex
 
 import numpy as np
 
-from nat2024.datasets.archives import split_path
+from nat2024.archives import split_path
 from nat2024.datasets.decoding import size_fault
 from nat2024.datasets.video_index import VideoIndex, kept_index
 from nat2024.errors import FrameUnreadable

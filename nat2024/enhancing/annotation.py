@@ -5,7 +5,7 @@ from pathlib import Path, PurePosixPath
 
 import msgspec
 
-from nat2024.datasets.archives import is_stored, read_bytes
+from nat2024.archives import is_stored, read_bytes
 from nat2024.datasets.converters.common import EXTRA_FILE
 from nat2024.datasets.index import plain_sequences
 from nat2024.datasets.layouts import FoundSequence

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from nat2024.datasets.archives import read_bytes
+from nat2024.archives import read_bytes
 from nat2024.datasets.decoding import decode_image
 from nat2024.datasets.writing import encoding_options
 from nat2024.errors import FrameUnreadable

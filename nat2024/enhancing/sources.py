@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 from typing import Literal, TypeAlias
 
-from nat2024.datasets.archives import is_archive
+from nat2024.archives import is_archive
 from nat2024.datasets.described import is_annotation_file
 from nat2024.datasets.frames import IMAGE_EXTENSIONS
 from nat2024.datasets.layouts import FoundSequence, Layout

@@ -14,7 +14,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from nat2024.datasets.archives import is_stored
+from nat2024.archives import is_stored
 from nat2024.datasets.converters.common import Described, below, kept, merge, numbered
 from nat2024.datasets.file_names import is_inner_path
 from nat2024.datasets.frames import FolderFrames

@@ -7,7 +7,7 @@ from typing import Any, Protocol
 
 import msgspec
 
-from nat2024.datasets.archives import is_stored
+from nat2024.archives import is_stored
 from nat2024.datasets.frames import StoredFrames
 from nat2024.datasets.records import replace_fields
 from nat2024.datasets.schema import (

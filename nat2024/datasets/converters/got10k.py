@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from nat2024.archives import is_stored
 from nat2024.boxes import format_boxes
 from nat2024.datasets.annotations import read_box_file, read_labels
-from nat2024.datasets.archives import is_stored
 from nat2024.datasets.converters.common import (
     Described,
     below,

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-from nat2024.datasets.archives import is_stored
+from nat2024.archives import is_stored
 from nat2024.datasets.converters.common import Described, below
 from nat2024.datasets.records import stored_frames
 from nat2024.datasets.schema import INDEX_FILE, AnnotatedDataset, encode_dataset

@@ -12,8 +12,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nat2024.datasets import archives, describe, load_dataset, read_reduced, validate
-from nat2024.datasets.archives import list_archived, open_archive, read_bytes, split_path
+from nat2024 import archives
+from nat2024.archives import list_archived, open_archive, read_bytes, split_path
+from nat2024.datasets import describe, load_dataset, read_reduced, validate
 from nat2024.errors import BoxFileError, DatasetIncomplete, DatasetNotFound, FrameUnreadable
 
 

@@ -1,4 +1,4 @@
-"""Datasets inside a .zip archive, read in place: nothing is ever extracted.
+"""Files inside a .zip archive, read in place: nothing is ever extracted.
 
 A path goes through the archive as through a folder: `night.zip/data_seq/a/00001.jpg`. Before any
 member is read all names are looked at: those that would lead out of a folder, links, and members
