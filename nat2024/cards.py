@@ -85,6 +85,7 @@ class Card(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
         scopes: enhancement scopes that a tracker can do; for an enhancer the advised ones.
         repeatable: whether the same input gives the same output every time.
         state: what has been proved about this implementation.
+        training: what a training of it here takes, or why there is none.
         differences: where paper and official code disagree, and what is done here.
     """
 
@@ -108,6 +109,7 @@ class Card(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
     scopes: tuple[Literal["patch", "frame"], ...] = ("patch", "frame")
     repeatable: bool = True
     state: str = ""
+    training: str = ""
     differences: tuple[str, ...] = ()
 
     @property
@@ -144,6 +146,7 @@ def describe_card(card: Card) -> dict[str, tuple[str, ...]]:
         "Default scope": (card.scopes[0],) if card.scopes else (),
         "Repeatable": () if card.repeatable else ("no",),
         "State": (card.state,),
+        "Training": (card.training,),
         "Published": card.published,
         "Paper, official code, and this one": card.differences,
     }

@@ -44,9 +44,9 @@ class DarkLighter(NeuralEnhancer):
 
     def begin_training(self) -> None:
         """Draw the initial weights as the settings say."""
-        from nat2024_enhancers.darklighter.training import draw_initial_weights
+        from nat2024_enhancers.initial_weights import draw_normal_weights
 
-        draw_initial_weights(cast("DarkLighterNet", self.model), self.training_settings)
+        draw_normal_weights(self.model, self.training_settings.initial_spread)
 
     def loss(self, batch: "Mapping[str, Any]") -> "dict[str, torch.Tensor]":
         """The weighted terms of a batch's `image`, (N, 3, H, W) in 0..1."""

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from torch import Tensor, nn
+from torch import Tensor
 
 from nat2024_enhancers.darklighter.model import DarkLighterNet
 from nat2024_enhancers.darklighter.settings import DarkLighterSettings
@@ -27,11 +27,3 @@ def loss_terms(
         "colour": settings.colour * norm_differences(enhanced).mean(),
         "noise": settings.noise * noise_size(noise),
     }
-
-
-def draw_initial_weights(network: DarkLighterNet, settings: DarkLighterSettings) -> None:
-    """Normal weights as in the official code; biases stay."""
-    if settings.initial_spread:
-        for module in network.modules():
-            if isinstance(module, nn.Conv2d):
-                nn.init.normal_(module.weight, 0.0, settings.initial_spread)

@@ -1,10 +1,12 @@
 """HighlightNet as an enhancer: options and weights around the network of `model`."""
 
-from typing import TYPE_CHECKING, Any, cast
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 from nat2024.cards import read_card
 from nat2024.interfaces import NeuralEnhancer
 from nat2024.registry import register_enhancer
+from nat2024_enhancers.highlightnet.settings import PRESETS, HighlightNetSettings
 
 if TYPE_CHECKING:
     import torch
@@ -22,6 +24,8 @@ class HighlightNet(NeuralEnhancer):
     """
 
     card = read_card("nat2024_enhancers.highlightnet")
+    training_settings = HighlightNetSettings()
+    training_presets: ClassVar[Mapping[str, Mapping[str, Any]]] = PRESETS
 
     def __init__(self, *, detach_levels: bool = True, **base: Any) -> None:
         """Build the network and load its weights; `base` as in `NeuralEnhancer`.
@@ -50,3 +54,15 @@ class HighlightNet(NeuralEnhancer):
         network = cast("Network", self.model)
         _, mask, dark = network(batch)
         return {"r": mask, "level": network.levels(batch), "t": dark}
+
+    def begin_training(self) -> None:
+        """Draw the initial weights as the settings say."""
+        from nat2024_enhancers.initial_weights import draw_normal_weights
+
+        draw_normal_weights(self.model, self.training_settings.initial_spread)
+
+    def loss(self, batch: "Mapping[str, Any]") -> "dict[str, torch.Tensor]":
+        """The weighted terms of a batch's `image`, (N, 3, H, W) in 0..1."""
+        from nat2024_enhancers.highlightnet.training import loss_terms
+
+        return loss_terms(cast("Network", self.model), batch, self.training_settings)

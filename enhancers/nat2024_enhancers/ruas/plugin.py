@@ -1,11 +1,13 @@
 """RUAS as an enhancer: options and weights around the network of `model`."""
 
-from typing import TYPE_CHECKING, Any, Literal, cast
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, cast
 
 from nat2024.cards import read_card
 from nat2024.errors import WeightsMismatch
 from nat2024.interfaces import NeuralEnhancer
 from nat2024.registry import register_enhancer
+from nat2024_enhancers.ruas.settings import PRESETS, RUASSettings
 
 if TYPE_CHECKING:
     import torch
@@ -24,6 +26,8 @@ class RUAS(NeuralEnhancer):
     """
 
     card = read_card("nat2024_enhancers.ruas")
+    training_settings = RUASSettings()
+    training_presets: ClassVar[Mapping[str, Mapping[str, Any]]] = PRESETS
 
     def __init__(self, *, variant: Variant = "upe", **base: Any) -> None:
         """Build the network and load its weights; `base` as in `NeuralEnhancer`.
@@ -54,6 +58,12 @@ class RUAS(NeuralEnhancer):
     def forward_maps(self, batch: "torch.Tensor") -> "dict[str, torch.Tensor]":
         """Images, illuminations and the denoised image of all stages."""
         return cast("RUASNet", self.model).maps(batch)
+
+    def loss(self, batch: "Mapping[str, Any]") -> "dict[str, torch.Tensor]":
+        """The weighted terms of a batch's `image`, (N, 3, H, W) in 0..1."""
+        from nat2024_enhancers.ruas.training import loss_terms
+
+        return loss_terms(cast("RUASNet", self.model), batch, self.training_settings)
 
     def _check_variant(self) -> None:
         digest = self.weights.sha256 if self.weights else ""

@@ -122,7 +122,8 @@ def choose_settings(
 def _trainable(name: str) -> type[Any]:
     cls = load_plugin(name, "enhancer")
     if not (issubclass(cls, NeuralEnhancer) and callable(getattr(cls, "loss", None))):
-        msg = f"{name} cannot be trained: it has no network with loss(batch) that gives terms"
+        why = cls.card.training or "it has no network with loss(batch) that gives terms"
+        msg = f"{name} cannot be trained: {why.removeprefix('not here: ')}"
         raise UsageError(msg)
     return cls
 

@@ -18,17 +18,17 @@ from nat2024_enhancers.dcepp.model import DCEppNet
 from nat2024_enhancers.dcepp.settings import DCEppSettings
 from nat2024_enhancers.dcepp.training import loss_terms as dcepp_terms
 from nat2024_enhancers.highlightnet.model import HighlightNet
+from nat2024_enhancers.highlightnet.settings import HighlightNetSettings
+from nat2024_enhancers.highlightnet.training import loss_terms as highlightnet_terms
 from nat2024_enhancers.ldenhancer.model import LDEnhancerNet
 from nat2024_enhancers.ldenhancer.settings import LDEnhancerSettings
 from nat2024_enhancers.ldenhancer.training import loss_terms, prepare_network
 from nat2024_enhancers.llve.model import LLVENet
 from nat2024_enhancers.losses.consistency import flow_consistency, warp
-from nat2024_enhancers.losses.exposure import exposure_mse
 from nat2024_enhancers.losses.perceptual import TrackingAlexNet, perceptual_terms
-from nat2024_enhancers.losses.ruas import denoising_loss, illumination_loss
-from nat2024_enhancers.losses.smoothness import total_variation
-from nat2024_enhancers.losses.spatial import spatial_consistency
 from nat2024_enhancers.ruas.model import RUASNet
+from nat2024_enhancers.ruas.settings import RUASSettings
+from nat2024_enhancers.ruas.training import loss_terms as ruas_terms
 
 pytestmark = pytest.mark.shared
 
@@ -163,14 +163,10 @@ def test_highlightnet_step(kit, expected, batch):
     wanted = expected["highlightnet_step_epoch99_dropout_off"]
     network = HighlightNet(dropout=0.0).train()
     network.load_state_dict(read_checkpoint(kit / "checkpoints" / "highlightnet_epoch99.pth"))
-    enhanced, mask, dark = network(batch["image"])
-    terms = {
-        "tv": 200 * total_variation(mask),
-        "spa": spatial_consistency(enhanced, batch["image"]),
-        "exp": 20 * exposure_mse(enhanced),
-        "dna": 50 * exposure_mse(dark, level=0.0),
-    }
-    check_terms(terms, wanted["terms"], {name: name for name in terms})
+    terms = highlightnet_terms(network, batch, HighlightNetSettings())
+    names = {"smoothness": "tv", "spatial": "spa", "exposure": "exp", "darkness": "dna"}
+    assert terms.keys() == names.keys()
+    check_terms(terms, wanted["terms"], names)
     total_of(terms).backward()
     assert float(total_of(terms).detach()) == pytest.approx(wanted["loss"], rel=1e-4)
     check_gradients(
@@ -183,15 +179,12 @@ def test_ruas_step(kit, expected, batch):
     network = RUASNet()
     network.load_state_dict(read_checkpoint(kit / "checkpoints" / "ruas_lol.pt"))
     image = batch["image"][:1, :, :128, :128].contiguous()
-    maps = network.enhance_net.maps(image)
-    loss = illumination_loss(image, maps["t3"])
-    assert float(loss.detach()) == pytest.approx(wanted["enhance_loss"], rel=1e-4)
-    loss.backward()
+    terms = ruas_terms(network, {"image": image}, RUASSettings(denoising=1.0))
+    light = terms["fidelity"] + terms["smoothness"]
+    assert float(light.detach()) == pytest.approx(wanted["enhance_loss"], rel=1e-4)
+    assert float(terms["denoising"].detach()) == pytest.approx(wanted["denoise_loss"], rel=1e-4)
+    total_of(terms).backward()  # at once: no loss reaches the other's weights
     check_gradients(network.enhance_net, wanted["grad_norm_enhance"])
-    u3 = maps["u3"].detach()
-    denoising = denoising_loss(network.denoise_net(u3), u3)
-    assert float(denoising.detach()) == pytest.approx(wanted["denoise_loss"], rel=1e-4)
-    denoising.backward()
     check_gradients(network.denoise_net, wanted["grad_norm_denoise"])
 
 

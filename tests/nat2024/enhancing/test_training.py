@@ -122,12 +122,14 @@ def test_what_was_stopped_goes_on_to_the_same_weights(data, tmp_path, monkeypatc
     assert (whole / "curve.csv").read_text() == (parts / "curve.csv").read_text()
 
 
-@pytest.mark.parametrize("name", ["dcepp", "darklighter"])
+@pytest.mark.parametrize("name", ["dcepp", "darklighter", "highlightnet", "ruas"])
 def test_others_train_with_the_same_loop(name, data, tmp_path, capsys):
     size = "size=256" if name == "darklighter" else "size=32"
     settings = (size, "batch_size=1", "held_out=0", "log_every=1", "crop=0")
     out = tmp_path / "run"
     assert train(name, data, out, settings=settings, steps=3, quiet=False) == 0
+    fresh = create_enhancer(name, weights=out / f"{name}.safetensors")
+    assert fresh.enhance_batch(torch.full((1, 3, 24, 24), 0.1)).isfinite().all()
     assert ("without the VGG term" in capsys.readouterr().err) == (name == "darklighter")
     state = read_checkpoint(tmp_path / "run" / f"{name}.safetensors")
     assert all(bool(value.isfinite().all()) for value in state.values())
@@ -293,6 +295,10 @@ def test_a_folder_of_another_training_is_refused(data, tmp_path, capsys):
 def test_what_has_no_loss_cannot_be_trained(data, tmp_path, capsys):
     assert train("clahe", data, tmp_path / "run") == 2
     assert "clahe cannot be trained: it has no network with loss" in capsys.readouterr().err
+    for name in ("sct", "llve", "kindpp"):
+        assert train(name, data, tmp_path / "run") == 2
+        assert f"{name} cannot be trained: it" in (error := capsys.readouterr().err)
+        assert "pairs of a dark and a bright image" in error
 
 
 def test_settings_are_shown(capsys):
