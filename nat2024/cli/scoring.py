@@ -127,5 +127,7 @@ def document(evaluations: "list[Evaluation]") -> dict[str, Any]:
         "summary": [row for e in evaluations for row in rows_of(e.summary())],
         "per_sequence": [row for e in evaluations for row in rows_of(e.per_sequence())],
         "per_attribute": [row for e in evaluations for row in rows_of(e.per_attribute())],
+        "per_category": [row for e in evaluations for row in rows_of(e.per_category())],
+        "gains": [row for e in evaluations for row in rows_of(e.gains())],
         "notes": {e.dataset: e.notes() for e in evaluations},
     }

@@ -18,9 +18,11 @@ Conventions: boxes are float64 (n, 4) of x, y, w, h in pixels, one row a frame; 
 Under the strict comparison that most toolkits share, a perfect tracker fails at threshold 1 and
 scores 20/21 = 0.952 in success; only `trackingnet` and `strict` give it 1.
 
-`evaluate_boxes` scores one sequence under a named `Protocol`, `summarize` averages many.
+`evaluate_boxes` scores one sequence under a named `Protocol`, `summarize` averages many,
+`paired_bootstrap` tells whether one result is better than another on the same sequences.
 """
 
+from nat2024.metrics.bootstrap import FEWEST_SEQUENCES, PairedGains, paired_bootstrap
 from nat2024.metrics.curves import (
     NORMALIZED_PRECISION_THRESHOLDS,
     PRECISION_THRESHOLDS,
@@ -29,7 +31,7 @@ from nat2024.metrics.curves import (
     precision_curve,
     success_curve,
 )
-from nat2024.metrics.datasets import DatasetScores, summarize
+from nat2024.metrics.datasets import DatasetScores, sequence_weights, summarize
 from nat2024.metrics.geometry import center_error, normalized_center_error, overlap
 from nat2024.metrics.protocols import (
     LENGTH_RULES,
@@ -41,6 +43,7 @@ from nat2024.metrics.protocols import (
 from nat2024.metrics.sequences import SCORE_NAMES, Scores, SequenceScores, evaluate_boxes
 
 __all__ = [
+    "FEWEST_SEQUENCES",
     "LENGTH_RULES",
     "NORMALIZED_PRECISION_THRESHOLDS",
     "PRECISION_THRESHOLDS",
@@ -48,6 +51,7 @@ __all__ = [
     "SUCCESS_THRESHOLDS",
     "DatasetScores",
     "LengthRule",
+    "PairedGains",
     "Protocol",
     "Scores",
     "SequenceScores",
@@ -58,7 +62,9 @@ __all__ = [
     "normalized_center_error",
     "normalized_precision_curve",
     "overlap",
+    "paired_bootstrap",
     "precision_curve",
+    "sequence_weights",
     "success_curve",
     "summarize",
 ]

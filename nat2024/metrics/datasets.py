@@ -75,8 +75,7 @@ def summarize(
     weights: dict[str, Floats] = {}
     for name, length in _CURVE_LENGTHS.items():
         table = _table(given, name, length)
-        kept = _kept(table, chosen)
-        weights[name] = np.where(kept, frames if chosen.name == "got10k-ao" else 1.0, 0.0)
+        weights[name] = _weights(table, frames, chosen)
         curves[name] = _mean(table, weights[name])
     values: dict[str, Any] = {
         name: float(_mean(_table(given, name, 1), weights[_CURVE_OF[name]])[0])
@@ -90,6 +89,23 @@ def summarize(
         **values,
         **curves,
     )
+
+
+def sequence_weights(scores: Iterable[SequenceScores], metric: str) -> Floats:
+    """The weight of each sequence in the mean of a metric, as `summarize` takes it.
+
+    Args:
+        scores: of one result, all under one protocol, at least one.
+        metric: name of a scalar score, such as `success_auc`.
+
+    Returns:
+        float64, one a sequence; 0 for those that leave the mean.
+    """
+    given = list(scores)
+    curve = _CURVE_OF[metric]
+    frames = np.array([one.frames for one in given], dtype=np.float64)
+    table = _table(given, curve, _CURVE_LENGTHS[curve])
+    return _weights(table, frames, _common_protocol(given, None))
 
 
 def _common_protocol(given: list[SequenceScores], protocol: str | Protocol | None) -> Protocol:
@@ -110,6 +126,11 @@ def _table(given: list[SequenceScores], name: str, length: int) -> Floats:
     """An attribute of all scores, float64 (sequences, length)."""
     values = [getattr(one, name) for one in given]
     return np.array(values, dtype=np.float64).reshape(len(given), length)
+
+
+def _weights(table: Floats, frames: Floats, protocol: Protocol) -> Floats:
+    shares = frames if protocol.name == "got10k-ao" else 1.0
+    return np.where(_kept(table, protocol), shares, 0.0)
 
 
 def _kept(table: Floats, protocol: Protocol) -> Flags:

@@ -8,6 +8,7 @@ import pytest
 import nat2024
 from nat2024.errors import DatasetNotFound, LengthMismatch
 from nat2024.evaluation import SCORES
+from nat2024.metrics import list_protocols
 from nat2024.types import Dataset, Sequence
 
 
@@ -153,3 +154,95 @@ def test_nothing_to_score(results: Path, tmp_path: Path) -> None:
         nat2024.evaluate(results, other)
     with pytest.raises(DatasetNotFound, match=r"no results of elsewhere; it holds clip"):
         nat2024.evaluate(results, Dataset("elsewhere", ()))
+
+
+def test_gains_over_the_tracker_alone(results: Path, dataset: Dataset) -> None:
+    for name in ("long", "short"):  # no kcf alone: nothing to compare with
+        nat2024.write_boxes(results / "clip" / "kcf+gamma" / f"{name}.txt", dataset[name].boxes)
+    evaluation = nat2024.evaluate(results, dataset)
+    gains = evaluation.gains()
+    assert list(gains.columns) == [
+        *("dataset", "run", "tracker", "enhancer", "scope", "protocol", "base", "metric"),
+        *("sequences", "value", "base_value"),
+        *("difference", "difference_low", "difference_high"),
+        *("gain", "gain_low", "gain_high", "improved", "certain"),
+    ]
+    assert set(gains.run) == {"mil+gamma@soft"}
+    assert set(gains.base) == {"mil"}
+    success = gains.set_index("metric").loc["success_auc"]
+    assert success.sequences == 2
+    assert success.value == pytest.approx(20 / 21)
+    assert success.base_value == pytest.approx(10 / 21)
+    assert success.gain == pytest.approx(100)
+    # of two sequences one is better by all: a draw has none, one or both of them
+    assert (success.difference_low, success.difference_high) == pytest.approx((0, 20 / 21))
+    assert success.improved == 0.5
+    assert not success.certain
+    again = evaluation.gains(resamples=500, seed=1)
+    assert again.difference.tolist() == gains.difference.tolist()
+
+
+def test_gains_compare_what_both_have(results: Path, dataset: Dataset) -> None:
+    (results / "clip" / "mil+gamma@soft" / "short.txt").unlink()
+    gains = nat2024.evaluate(results, dataset).gains().set_index("metric")
+    assert gains.sequences.tolist() == [1, 1, 1]
+    assert gains.base_value["precision_20"] == 1.0  # that of `long`, not of both
+    assert gains.gain["precision_20"] == 0.0
+    assert gains.gain_low.isna().all()
+    (results / "clip" / "mil" / "long.txt").unlink()  # nothing in common any more
+    assert nat2024.evaluate(results, dataset).gains().empty
+
+
+def test_gains_by_attribute_and_category(results: Path) -> None:
+    long = sequence("long", LEFT, attributes=frozenset({"IV", "FM"}), category="car")
+    short = sequence("short", SHORT, attributes=frozenset({"IV"}), category="bike")
+    dataset = Dataset("clip", (long, short, sequence("new", LEFT, category="dog")))
+    evaluation = nat2024.evaluate(results, dataset)
+    by = evaluation.gains(by="attribute").set_index(["attribute", "metric"])
+    assert by.sequences.loc[:, "precision_20"].to_dict() == {"FM": 1, "IV": 2}
+    assert by.difference.loc[:, "precision_20"].to_dict() == {"FM": 0.0, "IV": 0.5}
+    kinds = evaluation.gains(by="category").set_index(["category", "metric"])
+    assert kinds.difference.loc[:, "precision_20"].to_dict() == {"bike": 1.0, "car": 0.0}
+
+
+def test_gains_are_those_of_the_summary_under_every_protocol(
+    results: Path, dataset: Dataset
+) -> None:
+    for protocol in list_protocols():
+        evaluation = nat2024.evaluate(results, dataset, protocol=protocol)
+        summary = evaluation.summary().set_index("run")
+        gains = evaluation.gains(resamples=50)
+        assert len(gains)
+        for row in gains.to_dict(orient="records"):
+            assert row["value"] == pytest.approx(summary.loc[row["run"], row["metric"]])
+            assert row["base_value"] == pytest.approx(summary.loc[row["base"], row["metric"]])
+
+
+def test_per_category(results: Path) -> None:
+    long, short = sequence("long", LEFT, category="car"), sequence("short", SHORT)
+    table = nat2024.evaluate(results, Dataset("clip", (long, short))).per_category()
+    assert list(table.columns)[6:8] == ["category", "sequences"]
+    assert table.set_index("run").loc["mil", ["category", "precision_20"]].tolist() == ["car", 1.0]
+    assert len(table) == 2  # nothing tells what `short` is
+
+
+def test_curves_of_every_sequence(results: Path, dataset: Dataset) -> None:
+    evaluation = nat2024.evaluate(results, dataset)
+    curves = evaluation.sequence_curves()["mil"]
+    assert curves.sequences == ("long", "short")
+    assert curves.success.shape == (2, 21)
+    assert curves.normalized_precision.shape == (2, 51)
+    mean = evaluation.curves().query("run == 'mil' and metric == 'precision'").value
+    assert curves.precision.mean(axis=0).tolist() == pytest.approx(mean.tolist())
+
+
+def test_what_holds_for_many_runs_is_said_once(results: Path, dataset: Dataset) -> None:
+    for run in ("kcf", "mosse", "fdsst"):
+        nat2024.write_boxes(results / "clip" / run / "long.txt", LEFT)
+    lines = nat2024.evaluate(results, dataset).remarks()
+    assert "fdsst, kcf, mosse: no result of 1 sequences, short" in lines
+    assert sum("strict" in line for line in lines) == 1
+    assert lines[-1] == (
+        "5 runs differ from protocol strict, most fdsst: "
+        "success is 0.952 here and 1.000 under strict"
+    )

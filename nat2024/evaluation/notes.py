@@ -1,0 +1,120 @@
+"""What a reader must know beside the scores."""
+
+from collections.abc import Callable, Collection, Mapping
+from typing import TYPE_CHECKING, Any
+
+from nat2024.metrics import SequenceScores, summarize
+
+if TYPE_CHECKING:
+    from nat2024.evaluation.tables import Evaluation, RunScores
+
+_STRICT_MATTERS = 0.001
+"""A difference to the protocol `strict` below this is not worth a line."""
+
+_MOST_LINES = 3
+"""Of one kind of remark; more are told in one."""
+
+
+def notes_of(evaluation: "Evaluation") -> dict[str, Any]:
+    """The notes of `Evaluation.notes`, by kind."""
+    runs = evaluation.runs
+    first = next(iter(runs), None)
+    truth = first.sequences if first else {}
+    invalid = {n: s.invalid_truth for n, s in truth.items() if s.invalid_truth}
+    bad = {
+        run.run: {n: s.bad_results for n, s in run.sequences.items() if s.bad_results}
+        for run in runs
+    }
+    unequal = {
+        run.run: {n: lengths for n, s in run.sequences.items() if (lengths := _unequal(s))}
+        for run in runs
+    }
+    strict = {
+        run.run: round(run.strict_success, 6)
+        for run in runs
+        if abs(_success(evaluation, run) - run.strict_success) > _STRICT_MATTERS
+    }
+    found = {
+        "invalid_truth_rows": invalid,
+        "bad_result_rows": {run: names for run, names in bad.items() if names},
+        "unequal_lengths": {run: names for run, names in unequal.items() if names},
+        "missing_sequences": {run.run: list(run.missing) for run in runs if run.missing},
+        "skipped_frames": {run.run: run.skipped for run in runs if run.skipped},
+        "altered_sequences": {run.run: list(run.altered) for run in runs if run.altered},
+        "strict_success_auc": strict,
+    }
+    return {key: value for key, value in found.items() if value}
+
+
+def _success(evaluation: "Evaluation", run: "RunScores") -> float:
+    return summarize(run.sequences.values(), evaluation.protocol).success_auc
+
+
+def _unequal(scores: SequenceScores) -> tuple[int, int] | None:
+    lengths = scores.length_predicted, scores.length_truth
+    return lengths if lengths[0] != lengths[1] else None
+
+
+_TEXTS: dict[str, tuple[Callable[[Any], str], str]] = {
+    "bad_result_rows": (
+        lambda rows: f"{sum(rows.values())} bad result rows in {_names(rows)}",
+        "bad result rows",
+    ),
+    "unequal_lengths": (
+        lambda names: f"result and ground truth differ in length in {_names(names)}",
+        "result and ground truth differ in length",
+    ),
+    "missing_sequences": (
+        lambda names: f"no result of {len(names)} sequences, {_names(names)}",
+        "no result of some sequences",
+    ),
+    "skipped_frames": (
+        lambda frames: (
+            f"{sum(map(len, frames.values()))} unreadable frames repeat the last box "
+            f"in {_names(frames)}"
+        ),
+        "unreadable frames repeat the last box",
+    ),
+    "altered_sequences": (
+        lambda names: f"made on another length or first box in {_names(names)}",
+        "made on another length or first box",
+    ),
+}
+"""By kind of note: the words for one run, and in short for many that differ."""
+
+
+def remarks_of(evaluation: "Evaluation") -> list[str]:
+    """The notes as few lines for people."""
+    notes = notes_of(evaluation)
+    lines = []
+    if rows := notes.get("invalid_truth_rows"):
+        lines.append(f"{sum(rows.values())} invalid ground-truth rows in {_names(rows)}")
+    for kind, (words, short) in _TEXTS.items():
+        lines += _told_once({run: words(of) for run, of in notes.get(kind, {}).items()}, short)
+    return lines + _strict_remark(evaluation, notes.get("strict_success_auc", {}))
+
+
+def _told_once(texts: Mapping[str, str], short: str) -> list[str]:
+    """Texts by run as lines: equal ones together, and many different ones in short."""
+    by_text: dict[str, list[str]] = {}
+    for run, text in texts.items():
+        by_text.setdefault(text, []).append(run)
+    if len(by_text) > _MOST_LINES:
+        text, (run, *_) = next(iter(by_text.items()))
+        return [f"{len(texts)} runs: {short}, not alike; in {run}: {text}"]
+    return [f"{_names(runs)}: {text}" for text, runs in by_text.items()]
+
+
+def _strict_remark(evaluation: "Evaluation", strict: Mapping[str, float]) -> list[str]:
+    ours = {run.run: _success(evaluation, run) for run in evaluation.runs if run.run in strict}
+    if not strict:
+        return []
+    most = max(strict, key=lambda run: round(abs(strict[run] - ours[run]), 6))
+    success = f"success is {ours[most]:.3f} here and {strict[most]:.3f} under strict"
+    if len(strict) == 1:
+        return [f"{most}: {success}"]
+    return [f"{len(strict)} runs differ from protocol strict, most {most}: {success}"]
+
+
+def _names(names: Collection[str], count: int = 5) -> str:
+    return ", ".join(list(names)[:count]) + (", ..." if len(names) > count else "")

@@ -1,0 +1,158 @@
+"""From files to scores: every run of a folder against its dataset."""
+
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
+from pathlib import Path
+
+from nat2024.datasets import load_again
+from nat2024.errors import DatasetNotFound, LengthMismatch
+from nat2024.evaluation.tables import Evaluation, RunScores
+from nat2024.metrics import Protocol, SequenceScores, evaluate_boxes, get_protocol, summarize
+from nat2024.store import RunFolder, dataset_folder, list_runs, split_run_name
+from nat2024.types import Boxes, Dataset, Flags, Origin, Sequence
+
+_COMPARED_WITH_STRICT = "pysot"
+
+
+def evaluate(
+    results: str | Path,
+    dataset: Dataset,
+    *,
+    protocol: str | Protocol = "pysot",
+    on_length: str | None = None,
+    runs: Collection[str] | None = None,
+) -> Evaluation:
+    """Score every run of a dataset, or those named.
+
+    Args:
+        results: the folder that `nat-bench run` wrote, or a folder of run folders.
+        dataset: the ground truth. A sequence with boxes on some frames only is scored on those
+            frames, and only in runs that have it.
+        protocol: a name, or a `Protocol` with options.
+        on_length: what to do where a result and its truth differ in length: None as the protocol
+            says, "error", "pad" (missing rows fail) or "cut".
+        runs: names of run folders; the others are not even read.
+
+    Raises:
+        DatasetNotFound: there are no results of this dataset.
+        BoxFileError: a result file cannot be read.
+        LengthMismatch: lengths differ and may not.
+    """
+    chosen = get_protocol(protocol)
+    folder = dataset_folder(results, dataset.name)
+    scored = tuple(
+        scores
+        for run in list_runs(folder)
+        if (runs is None or run.name in runs)
+        and (scores := _score_run(run, dataset, chosen, on_length)).sequences
+    )
+    if not scored:
+        msg = f"{folder}: no result of any sequence of {dataset.name}"
+        raise DatasetNotFound(msg)
+    names = dataset.attribute_names or sorted({a for s in dataset for a in s.attributes})
+    attributes = _carriers(dataset, names, lambda s, name: name in s.attributes)
+    provenance = {s.name: s.provenance for s in dataset if s.provenance}
+    kinds = sorted({s.category for s in dataset if s.category})
+    categories = _carriers(dataset, kinds, lambda s, name: name == s.category)
+    return Evaluation(dataset.name, chosen, scored, attributes, provenance, categories)
+
+
+def _carriers(
+    dataset: Dataset, names: Collection[str], carries: Callable[[Sequence, str], bool]
+) -> dict[str, tuple[str, ...]]:
+    """Names of the sequences of each group that has any."""
+    found = {name: tuple(s.name for s in dataset if carries(s, name)) for name in names}
+    return {name: sequences for name, sequences in found.items() if sequences}
+
+
+def dataset_of_runs(folder: str | Path, *, lenient: bool = False) -> Dataset:
+    """Load the dataset that the manifests of a folder of runs name.
+
+    Raises:
+        DatasetNotFound: no manifest tells, or it is no longer there.
+    """
+    manifests = [manifest for run in list_runs(folder) if (manifest := run.manifest())]
+    records = [manifest.dataset for manifest in manifests if manifest.dataset.source]
+    if not records:
+        msg = f"{folder}: no manifest tells which dataset this is; name it with --dataset"
+        raise DatasetNotFound(msg)
+    record = records[0]
+    try:
+        return load_again(
+            Origin(record.source, record.root, lenient or record.lenient, record.rule)
+        )
+    except DatasetNotFound as error:
+        msg = f"{error}; {folder} was made from it, name it with --dataset if it has moved"
+        raise DatasetNotFound(msg) from None
+
+
+def _score_run(
+    run: RunFolder, dataset: Dataset, protocol: Protocol, on_length: str | None
+) -> RunScores:
+    manifest = run.manifest()
+    tracker, enhancer = split_run_name(run.name)
+    if manifest and manifest.tracker.title == tracker:
+        tracker = manifest.tracker.shown
+    finished = set(run.finished())
+    scores: dict[str, SequenceScores] = {}
+    strict: list[SequenceScores] = []
+    for sequence in dataset:
+        if sequence.name not in finished or not len(sequence.boxes):
+            continue
+        pair = _pair(run, sequence)
+        # GOT-10k clips boxes to the image; no other protocol needs to look at one.
+        size = sequence.frame_size if protocol.name == "got10k-ao" else None
+        scores[sequence.name] = pair.score(protocol.for_sequence(size), on_length)
+        if protocol.name == _COMPARED_WITH_STRICT:
+            strict.append(pair.score(get_protocol("strict"), on_length))
+    missing = [s.name for s in dataset if s.is_annotated and s.name not in finished]
+    starts = manifest.starts if manifest else {}
+    unread = manifest.skipped_frames if manifest else {}
+    altered = [n for n in scores if n in starts and starts[n] != dataset[n].start_digest()]
+    return RunScores(
+        run=run.name,
+        tracker=tracker,
+        enhancer=enhancer,
+        scope=manifest.scope if manifest else "",
+        sequences=scores,
+        missing=tuple(missing),
+        altered=tuple(altered),
+        skipped={name: frames for name, frames in unread.items() if name in scores},
+        strict_success=summarize(strict, "strict").success_auc,
+        manifest=manifest,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Pair:
+    """A result and its ground truth, on the frames that have one."""
+
+    source: Path
+    predicted: Boxes
+    truth: Boxes
+    visible: Flags | None
+
+    def score(self, protocol: Protocol, on_length: str | None) -> SequenceScores:
+        return evaluate_boxes(
+            self.predicted,
+            self.truth,
+            visible=self.visible,
+            protocol=protocol,
+            on_length=on_length,
+            name=str(self.source),
+        )
+
+
+def _pair(run: RunFolder, sequence: Sequence) -> _Pair:
+    source = run.box_file(sequence.name)
+    predicted, truth, visible = run.boxes(sequence.name), sequence.boxes, sequence.visible
+    if sequence.keyframes is None:
+        return _Pair(source, predicted, truth, visible)
+    if len(predicted) != len(sequence):
+        msg = (
+            f"{source}: {len(predicted)} rows, but the sequence has {len(sequence)} frames, "
+            "and boxes on some of them only"
+        )
+        raise LengthMismatch(msg)
+    rows = sequence.keyframes
+    return _Pair(source, predicted[rows], truth[rows], None if visible is None else visible[rows])
