@@ -1,144 +1,72 @@
-"""Results on disk: text is the truth, everything else can be made again.
+"""Run folders, and what evaluation needs of a run from anywhere."""
 
-```
-RESULTS/DATASET/RUN/SEQUENCE.txt        x,y,w,h a line, one line a frame
-RESULTS/DATASET/RUN/time/SEQUENCE.csv   read,enhance,track seconds a frame
-RESULTS/DATASET/RUN/skipped/SEQUENCE.csv  numbers of the frames that were skipped, if any
-RESULTS/DATASET/RUN/run.json            manifest
-```
-
-RUN is `TRACKER[@LABEL][+ENHANCER[@LABEL]]`. A file that exists is whole; a run folder belongs to
-one set of options, weights and scope.
-"""
-
-import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import Any, Protocol
 
 import msgspec
 import numpy as np
 
 from nat2024.boxes import parse_rows, read_boxes, write_boxes
-from nat2024.errors import DatasetNotFound, ResultConflict
+from nat2024.errors import ResultConflict
 from nat2024.files import remove_leftovers, write_atomic
+from nat2024.importing import split_name
+from nat2024.store.manifests import Manifest, StageTimes, split_run_name
 from nat2024.types import Boxes, Floats
 
-OnBadFrame: TypeAlias = Literal["error", "skip"]
-"""What to do with a frame that cannot be read."""
-
-FORMAT = 1
 STAGES = ("read", "enhance", "track")
-_PLUGIN = r"[a-z0-9][a-z0-9_]*(?:@[A-Za-z0-9._-]+)?"
-_RUN_NAME = re.compile(rf"(?P<tracker>{_PLUGIN})(?:\+(?P<enhancer>{_PLUGIN}))?")
 
 
-class WeightsRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Weights as a manifest keeps them; `path` is empty for fresh initial weights."""
-
-    origin: str
-    path: str = ""
-    sha256: str = ""
-    known_as: str = ""
-
-
-class PluginRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A tracker or enhancer as it ran: its full resolved options and its weights."""
-
-    name: str
-    label: str = ""
-    options: dict[str, Any] = {}
-    weights: WeightsRecord | None = None
-    repeatable: bool = True
+class Run(Protocol):
+    """One run, as nat-bench or another toolkit stored it: `RunFolder` and `ForeignRun` are such."""
 
     @property
-    def title(self) -> str:
-        """`NAME` or `NAME@LABEL`."""
-        return f"{self.name}@{self.label}" if self.label else self.name
+    def name(self) -> str:
+        """The run's name, unique among those beside it."""
+        ...
 
     @property
-    def shown(self) -> str:
-        """`title` as tables show it: with the variant, where its weights come with a package.
-
-        Such weights are not the authors', so `siamrpnpp (compact)` must not pass for `siamrpnpp`.
-        """
-        variant = self.options.get("variant")
-        is_bundled = self.weights is not None and self.weights.origin == "bundled"
-        return f"{self.title} ({variant})" if is_bundled and variant else self.title
-
-
-class DatasetRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Which dataset was run: its name, and how it was loaded (as in `types.Origin`)."""
-
-    name: str
-    source: str = ""
-    root: str = ""
-    lenient: bool = False
-    rule: str | None = None
-
-
-class Session(msgspec.Struct, forbid_unknown_fields=True):
-    """One call of the engine that worked on a run."""
-
-    started: str
-    finished: str = ""
-    workers: int = 1
-    read_ahead: int = 0
-    versions: dict[str, str] = {}
-    machine: dict[str, str] = {}
-
-
-class StageTimes(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Mean seconds a frame of each stage; the first frame of each sequence is kept apart."""
-
-    frames: int
-    read: float
-    enhance: float
-    track: float
-    first_frame: float
-    frames_per_second: float
-    end_to_end_frames_per_second: float
-
-
-class Manifest(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """What made a run folder.
-
-    Attributes:
-        dataset: what was run; `eval` without `--dataset` loads it again from there.
-        tracker: the tracker, its options and weights.
-        enhancer: the enhancer, None for the plain tracker.
-        scope: what was enhanced, "patch" or "frame".
-        device: "cpu" or "cuda".
-        threads: computing threads of each worker.
-        on_bad_frame: "error", or "skip": frames that cannot be read repeat the last box.
-        repeatable: whether the same run gives the same bytes again.
-        sessions: every call that worked on it.
-        failures: reason by sequence, for those that have no result.
-        starts: by sequence, what tells its length and first box (`Sequence.start_digest`).
-        skipped_frames: by sequence, the 0-based numbers of the frames that could not be read.
-        timing: over all finished sequences.
-        format: version of this layout.
-    """
-
-    dataset: DatasetRecord
-    tracker: PluginRecord
-    enhancer: PluginRecord | None = None
-    scope: str = "patch"
-    device: str = "cpu"
-    threads: int = 1
-    on_bad_frame: OnBadFrame = "error"
-    repeatable: bool = True
-    sessions: list[Session] = []
-    failures: dict[str, str] = {}
-    starts: dict[str, str] = {}
-    skipped_frames: dict[str, list[int]] = {}
-    timing: StageTimes | None = None
-    format: int = FORMAT
+    def path(self) -> Path:
+        """Its folder or archive; it may lead through an archive, so read nothing from it."""
+        ...
 
     @property
-    def run(self) -> str:
-        """The name of the run folder."""
-        return run_name(self.tracker.title, self.enhancer.title if self.enhancer else "none")
+    def tracker(self) -> str:
+        """Name of the tracker, with its label."""
+        ...
+
+    @property
+    def enhancer(self) -> str:
+        """Name of the enhancer, with its label; "none" for the plain tracker."""
+        ...
+
+    def finished(self) -> list[str]:
+        """Names of all sequences that have a result, sorted."""
+        ...
+
+    def has(self, sequence: str, /) -> bool:
+        """Whether the sequence has a result."""
+        ...
+
+    def box_file(self, sequence: str, /) -> Path:
+        """Where the boxes of a sequence come from, for messages."""
+        ...
+
+    def boxes(self, sequence: str, /) -> Boxes:
+        """Boxes of a sequence (of its first repeat), float64 (n, 4)."""
+        ...
+
+    def repeats(self, sequence: str, /) -> list[Boxes]:
+        """Boxes of all repeats of a sequence, at least one."""
+        ...
+
+    def frame_seconds(self, sequence: str, /) -> Floats | None:
+        """Seconds of enhancing and tracking of each frame (n,), None where nothing tells."""
+        ...
+
+    def manifest(self) -> Manifest | None:
+        """What made the run, None for foreign results."""
+        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,17 +84,6 @@ class Track:
     skipped: tuple[int, ...] = ()
 
 
-def run_name(tracker: str, enhancer: str) -> str:
-    """`TRACKER[@LABEL]`, followed by `+ENHANCER[@LABEL]` unless that is "none"."""
-    return tracker if enhancer == "none" else f"{tracker}+{enhancer}"
-
-
-def split_run_name(name: str) -> tuple[str, str]:
-    """(tracker, enhancer) of a run folder; a foreign name is taken whole, enhancer "none"."""
-    match = _RUN_NAME.fullmatch(name)
-    return (match["tracker"], match["enhancer"] or "none") if match else (name, "none")
-
-
 class RunFolder:
     """One `RESULTS/DATASET/RUN` folder."""
 
@@ -177,6 +94,21 @@ class RunFolder:
     def name(self) -> str:
         """The run's name."""
         return self.path.name
+
+    @property
+    def tracker(self) -> str:
+        """Name of the tracker, with its label."""
+        return self._names()[0]
+
+    @property
+    def enhancer(self) -> str:
+        """Name of the enhancer, with its label; "none" for the plain tracker."""
+        return self._names()[1]
+
+    def _names(self) -> tuple[str, str]:
+        # only where nothing tells who wrote it, a name is read as those of other toolkits are
+        is_own = (self.path / "run.json").is_file()
+        return split_run_name(self.name) if is_own else split_name(self.name)
 
     def box_file(self, sequence: str) -> Path:
         """Where the boxes of a sequence are kept."""
@@ -201,6 +133,17 @@ class RunFolder:
     def boxes(self, sequence: str) -> Boxes:
         """Stored boxes, float64 (n, 4); every separator that foreign writers use is read."""
         return read_boxes(self.box_file(sequence))
+
+    def repeats(self, sequence: str) -> list[Boxes]:
+        """Boxes of all repeats: the stored ones alone."""
+        return [self.boxes(sequence)]
+
+    def frame_seconds(self, sequence: str) -> Floats | None:
+        """Seconds of enhancing and tracking of each frame (n,); None where none are stored."""
+        if not self.time_file(sequence).is_file():
+            return None
+        seconds: Floats = self.seconds(sequence)[:, 1:].sum(axis=1)
+        return seconds
 
     def seconds(self, sequence: str) -> Floats:
         """Stored seconds of `STAGES`, float64 (n, 3)."""
@@ -347,47 +290,3 @@ def _read_numbers(path: Path) -> list[int]:
     except ValueError:
         msg = f"{path}: expected one frame number a line; move the file away"
         raise ResultConflict(msg) from None
-
-
-def dataset_folder(results: str | Path, dataset: str) -> Path:
-    """The folder of a dataset's runs: `RESULTS/DATASET`, or `results` itself if it holds runs.
-
-    Raises:
-        DatasetNotFound: neither is there; names what is.
-    """
-    results = check_results(results)
-    nested = results / dataset
-    if nested.is_dir() and list_runs(nested):
-        return nested
-    if list_runs(results):
-        return results
-    there = ", ".join(folder.name for folder in list_datasets(results)) or "nothing"
-    msg = f"{results}: no results of {dataset}; it holds {there}"
-    raise DatasetNotFound(msg)
-
-
-def check_results(results: str | Path) -> Path:
-    """The results folder, if it is one; else `DatasetNotFound`."""
-    results = Path(results)
-    if (results / "run.json").is_file():
-        msg = f"{results}: this is one run; name the folder of its dataset, {results.parent}"
-        raise DatasetNotFound(msg)
-    if not results.is_dir():
-        msg = f"{results}: no such results folder; `nat-bench run` makes one"
-        raise DatasetNotFound(msg)
-    return results
-
-
-def list_datasets(results: str | Path) -> list[Path]:
-    """Folders under `results` that hold runs, one a dataset."""
-    return [child for child in _subfolders(results) if list_runs(child)]
-
-
-def list_runs(folder: str | Path) -> list[RunFolder]:
-    """Run folders directly under `folder`: those with a manifest or with text files."""
-    runs = map(RunFolder, _subfolders(folder))
-    return [run for run in runs if (run.path / "run.json").is_file() or run.finished()]
-
-
-def _subfolders(folder: str | Path) -> list[Path]:
-    return sorted(p for p in Path(folder).iterdir() if p.is_dir() and not p.name.startswith("."))

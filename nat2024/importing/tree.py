@@ -1,0 +1,119 @@
+"""Folders of results, on disk or inside a .zip archive, looked at alike."""
+
+import errno
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from nat2024.archives import is_archive, list_archived, open_archive, read_bytes, split_path
+from nat2024.boxes import parse_boxes
+from nat2024.errors import BoxFileError, NatBenchError
+from nat2024.types import Boxes
+
+MAX_BYTES = 2**25
+"""Of one result file; the longest public sequence needs less than 1 MB."""
+
+_HEAD = 2**12
+
+
+@dataclass(frozen=True, slots=True)
+class Folder:
+    """Names in one folder, hidden ones left out.
+
+    Attributes:
+        path: the folder; it may be a .zip archive, or lead through one.
+        folders: names of sub-folders, sorted.
+        files: names of files, sorted.
+    """
+
+    path: Path
+    folders: tuple[str, ...]
+    files: tuple[str, ...]
+
+    @property
+    def name(self) -> str:
+        """Its own name, without `.zip`."""
+        return self.path.stem if is_archive(self.path) else self.path.name
+
+    def child(self, name: str) -> "Folder":
+        """One sub-folder."""
+        return open_folder(self.path / name)
+
+    def children(self) -> "Iterator[Folder]":
+        """All sub-folders."""
+        return map(self.child, self.folders)
+
+    def texts(self) -> tuple[str, ...]:
+        """Names of the text files."""
+        return tuple(name for name in self.files if name.lower().endswith(".txt"))
+
+
+def open_folder(path: Path) -> Folder:
+    """List a folder, an archive, or a folder inside one; empty where it is none of them.
+
+    Raises:
+        DatasetNotFound, DatasetIncomplete: an archive that cannot be read or is refused.
+    """
+    if path.is_dir():
+        try:
+            found = [(p.name, p.is_dir()) for p in path.iterdir()]
+        except OSError as error:
+            msg = f"{path}: cannot be listed ({error.strerror})"
+            raise BoxFileError(msg) from None
+        folders = [name for name, is_folder in found if is_folder]
+        files = [name for name, is_folder in found if not is_folder]
+    else:
+        listed = list_archived(path)
+        folders, files = map(list, listed) if listed else ([], [])
+    return Folder(path, _shown(folders), _shown(files))
+
+
+def _shown(names: list[str]) -> tuple[str, ...]:
+    return tuple(sorted(n for n in names if not n.startswith(".") and n != "__MACOSX"))
+
+
+def is_folder(path: Path) -> bool:
+    """Whether there is a folder, an archive, or a folder inside one."""
+    return path.is_dir() or list_archived(path) is not None
+
+
+def read_file(path: Path) -> bytes:
+    """The bytes of a result file, in a folder or in an archive.
+
+    Raises:
+        BoxFileError: it cannot be read or is too large to be one.
+    """
+    try:
+        size = _size(path)
+        if size > MAX_BYTES:
+            msg = f"{path}: {size} bytes, too large for a result file"
+            raise BoxFileError(msg)
+        return read_bytes(path)
+    except OSError as error:
+        msg = f"{path}: cannot be read ({error.strerror})"
+        raise BoxFileError(msg) from None
+
+
+def _size(path: Path) -> int:
+    """Of a file; in an archive, of what it unpacks to."""
+    found = split_path(path)
+    if found is None or not found[1]:
+        return path.stat().st_size
+    member = open_archive(found[0]).members.get(found[1])
+    if member is None:
+        raise FileNotFoundError(errno.ENOENT, "no such file in the archive")
+    return member.size
+
+
+def read_rows(path: Path) -> Boxes:
+    """Boxes of a text file, with every separator that writers use; see `nat2024.read_boxes`."""
+    return parse_boxes(read_file(path), source=str(path))
+
+
+def has_tabs(path: Path) -> bool:
+    """Whether the first line of a text is parted by tabs, as pytracking's are."""
+    try:
+        first, _, _ = read_file(path)[:_HEAD].partition(b"\n")
+    except NatBenchError:
+        return False
+    return b"\t" in first and b"," not in first

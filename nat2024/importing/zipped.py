@@ -1,0 +1,29 @@
+"""`TRACKER.zip`: one archive a tracker with `SEQ.txt` in it (CDT, TrackingNet), read in place."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+from nat2024.archives import is_archive
+from nat2024.importing import texts
+from nat2024.importing.runs import ForeignRun
+from nat2024.importing.tree import Folder, open_folder
+
+NAME = "zipped"
+WORDS = "TRACKER.zip with SEQUENCE.txt in it (CDT, TrackingNet)"
+
+
+def archives_in(folder: Folder) -> Iterator[Path]:
+    """The archives that lie directly in a folder."""
+    for name in folder.files:
+        path = folder.path / name
+        if is_archive(path):
+            yield path
+
+
+def find(archive: Path) -> list[ForeignRun]:
+    """The run in an archive, whose texts may lie in one folder, or a chain of such."""
+    folder = open_folder(archive)
+    while not folder.texts() and len(folder.folders) == 1:
+        folder = folder.child(folder.folders[0])
+    return [replace(run, name=archive.stem, layout=NAME) for run in texts.find(folder)]
