@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from nat2024.errors import UsageError
+from nat2024.errors import FrameUnreadable, UsageError
 from nat2024.measures import (
     MEASURE_SIZE,
     grey,
@@ -16,7 +16,7 @@ from nat2024.measures import (
     saturated_beside_dark,
     target_light_spread,
 )
-from nat2024.types import Floats, Sequence
+from nat2024.types import Box, Floats, Image, Sequence
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +48,7 @@ def trace_light(
     every: int = 1,
     context: float = 2.0,
     on_frame: Callable[[], object] | None = None,
+    on_unreadable: Callable[[FrameUnreadable], object] | None = None,
 ) -> LightTrace:
     """Look at every `every`-th frame of a sequence, the first included.
 
@@ -56,9 +57,11 @@ def trace_light(
         every: distance of the frames that are decoded.
         context: sides of the region of `LightTrace.around` over those of the box.
         on_frame: called after each frame, to show progress.
+        on_unreadable: called with the error of a frame that cannot be decoded, whose numbers are
+            NaN then; None raises it.
 
     Raises:
-        FrameUnreadable: a frame cannot be decoded.
+        FrameUnreadable: a frame cannot be decoded, and `on_unreadable` is None.
         UsageError: `every` is below 1.
     """
     if every < 1:
@@ -68,17 +71,26 @@ def trace_light(
     rows = np.empty((len(indices), 6))
     absent = np.full(4, np.nan)
     for row, index in zip(rows, indices.tolist(), strict=True):
-        image = sequence.image(index)
         box = sequence.boxes[index] if index < len(sequence.boxes) else absent
-        small = resize_area(image, MEASURE_SIZE)  # once for three measures
-        row[:] = (
-            grey(small).mean(),
-            light_spread(small),
-            saturated_beside_dark(small),
-            local_grey(image, box),
-            local_grey(image, box, context),
-            target_light_spread(image, box),
-        )
+        try:
+            row[:] = _look_at(sequence.image(index), box, context)
+        except FrameUnreadable as error:
+            if on_unreadable is None:
+                raise
+            on_unreadable(error)
+            row[:] = np.nan
         if on_frame is not None:
             on_frame()
     return LightTrace(indices, *rows.T.copy())
+
+
+def _look_at(image: Image, box: Box, context: float) -> tuple[float, ...]:
+    small = resize_area(image, MEASURE_SIZE)  # once for three measures
+    return (
+        float(grey(small).mean()),
+        light_spread(small),
+        saturated_beside_dark(small),
+        local_grey(image, box),
+        local_grey(image, box, context),
+        target_light_spread(image, box),
+    )

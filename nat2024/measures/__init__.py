@@ -1,5 +1,6 @@
 """Numbers that describe the light in one image; arrays in, numbers out."""
 
+from nat2024.measures.highlights import over_enhancement
 from nat2024.measures.light import (
     TARGET_CONTEXT,
     UNEVEN_LIGHT_STOPS,
@@ -23,6 +24,7 @@ __all__ = [
     "light_spread",
     "local_grey",
     "night_statistics",
+    "over_enhancement",
     "resize_area",
     "saturated_beside_dark",
     "target_light_spread",
