@@ -109,7 +109,7 @@ def _strict_remark(evaluation: "Evaluation", strict: Mapping[str, float]) -> lis
     ours = {run.run: _success(evaluation, run) for run in evaluation.runs if run.run in strict}
     if not strict:
         return []
-    most = max(strict, key=lambda run: round(abs(strict[run] - ours[run]), 6))
+    most = max(strict, key=lambda run: round(abs(strict[run] - ours[run]), 3))
     success = f"success is {ours[most]:.3f} here and {strict[most]:.3f} under strict"
     if len(strict) == 1:
         return [f"{most}: {success}"]

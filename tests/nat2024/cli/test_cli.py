@@ -90,7 +90,8 @@ def test_eval_as_json_has_the_promised_columns(results: Path, cli: Any) -> None:
     status, out, _ = cli("eval", "--results", results, "--json")
     assert status == 0
     document = json.loads(out)
-    assert set(document) == {"protocol", "summary", "per_sequence", "per_attribute", "notes"}
+    promised = {"protocol", "summary", "per_sequence", "per_attribute", "notes"}
+    assert set(document) == promised | {"per_category", "gains"}
     assert document["protocol"] == "pysot"
     assert list(document["summary"][0])[:12] == [
         "dataset",
@@ -110,6 +111,9 @@ def test_eval_as_json_has_the_promised_columns(results: Path, cli: Any) -> None:
     assert len(document["per_sequence"]) == 9
     assert {row["sequence"] for row in document["per_sequence"]} == {"narrow", "tall", "wide"}
     assert document["summary"][0]["average_overlap"] is None  # NaN is no JSON
+    gains = [(row["run"], row["base"], row["metric"]) for row in document["gains"]]
+    assert len(gains) == 2 * 3
+    assert {base for _, base, _ in gains} == {document["summary"][0]["run"]}
 
 
 def test_a_dataset_that_is_gone_hides_no_other(
