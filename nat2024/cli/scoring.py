@@ -58,7 +58,28 @@ def scoring_options(function: Callable[..., Any]) -> Callable[..., Any]:
     return wrapped
 
 
+@dataclass(frozen=True, slots=True)
+class Scored:
+    """The evaluation of one dataset with what it was made from.
+
+    Attributes:
+        evaluation: scores of all runs.
+        dataset: the ground truth.
+        folder: the folder of results, of this dataset or of several.
+    """
+
+    evaluation: "Evaluation"
+    dataset: "Dataset"
+    folder: Path
+
+
 def score(wanted: Scoring, *, computed_attributes: bool = False) -> "list[Evaluation]":
+    """The evaluations of `score_with_datasets`."""
+    found = score_with_datasets(wanted, computed_attributes=computed_attributes)
+    return [one.evaluation for one in found]
+
+
+def score_with_datasets(wanted: Scoring, *, computed_attributes: bool = False) -> list[Scored]:
     """Evaluate one dataset, or all that a results folder holds where none is named.
 
     With `computed_attributes` sequences carry those too, beside published ones.
@@ -70,29 +91,31 @@ def score(wanted: Scoring, *, computed_attributes: bool = False) -> "list[Evalua
     from nat2024.evaluation import dataset_of_runs, evaluate
     from nat2024.store import check_results, list_datasets, list_runs
 
-    def evaluated(folder: Path, dataset: "Dataset") -> "Evaluation":
+    def scored(folder: Path, dataset: "Dataset") -> Scored:
         described = _with_attributes(dataset) if computed_attributes else dataset
-        return evaluate(folder, described, protocol=wanted.protocol, on_length=wanted.on_length)
+        protocol, on_length = wanted.protocol, wanted.on_length
+        found = evaluate(folder, described, protocol=protocol, on_length=on_length)
+        return Scored(found, described, folder)
 
     results = check_results(wanted.results)
     if wanted.dataset is not None:
         loaded = load_dataset(wanted.dataset, wanted.root, unannotated=True, lenient=wanted.lenient)
-        return [evaluated(results, loaded)]
+        return [scored(results, loaded)]
     folders = [results] if list_runs(results) else list_datasets(results)
     if not folders:
         msg = f"{results}: holds no results; `nat-bench run --results {results}` writes some"
         raise DatasetNotFound(msg)
-    evaluations, problems = [], []
+    all_scored, problems = [], []
     for folder in folders:
         try:  # one dataset that has moved must not hide the scores of the others
-            evaluations.append(evaluated(folder, dataset_of_runs(folder, lenient=wanted.lenient)))
+            all_scored.append(scored(folder, dataset_of_runs(folder, lenient=wanted.lenient)))
         except NatBenchError as error:
             problems.append(error)
-    if not evaluations:
+    if not all_scored:
         raise problems[0]
     for problem in problems:
         log.error("left out: %s", problem)
-    return evaluations
+    return all_scored
 
 
 def _with_attributes(dataset: "Dataset") -> "Dataset":
