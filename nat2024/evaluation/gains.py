@@ -40,7 +40,7 @@ def gains_of(evaluation: "Evaluation", by: By | None, resamples: int, seed: int)
     """The table of `Evaluation.gains`."""
     import pandas as pd
 
-    pairs = list(_pairs(evaluation))
+    pairs = list(paired_runs(evaluation))
     rows = [
         row
         for group, chosen in _groups(evaluation, by).items()
@@ -50,7 +50,7 @@ def gains_of(evaluation: "Evaluation", by: By | None, resamples: int, seed: int)
     return pd.DataFrame(rows, columns=columns)
 
 
-def _pairs(evaluation: "Evaluation") -> "Iterator[tuple[RunScores, RunScores]]":
+def paired_runs(evaluation: "Evaluation") -> "Iterator[tuple[RunScores, RunScores]]":
     """Every run with an enhancer, and the run of its tracker alone."""
     plain = [run for run in evaluation.runs if run.enhancer == _PLAIN]
     by_tracker = {run.tracker: run for run in plain}

@@ -1,20 +1,21 @@
 """Gathering evidence: boxes of all runs, and the frames that tell why."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from nat2024.analysis import LOSS_FRAMES, LightTrace, Moment, choose_moments, find_failure
-from nat2024.errors import BoxFileError, FrameUnreadable, NatBenchError
+from nat2024.errors import BoxFileError, FrameUnreadable
 from nat2024.evaluation import Evaluation, RunScores
+from nat2024.evaluation.gains import paired_runs
 from nat2024.evidence.enhancers import RunEnhancer
 from nat2024.evidence.keeping import Keeper
 from nat2024.evidence.looking import Looker
 from nat2024.evidence.records import Evidence, SequenceEvidence, Thumbnail, TrackEvidence
 from nat2024.metrics import center_error, overlap
-from nat2024.store import RunFolder, dataset_folder
+from nat2024.store import Run, dataset_folder, list_runs
 from nat2024.types import Boxes, Dataset, Sequence
 
 
@@ -23,7 +24,9 @@ class _Job:
     """What holds for all sequences of one call."""
 
     folder: Path
+    stored: Mapping[str, Run]
     runs: Mapping[str, RunScores]
+    pairs: tuple[tuple[str, str], ...]
     enhancers: Mapping[str, RunEnhancer]
     frames: bool
     every: int | None
@@ -71,9 +74,12 @@ def gather(
     Raises:
         DatasetNotFound: there are no results of this dataset.
     """
+    folder = dataset_folder(results, dataset.name)
     job = _Job(
-        folder=dataset_folder(results, dataset.name),
+        folder=folder,
+        stored={run.name: run for run in list_runs(folder)},
         runs={run.run: run for run in evaluation.runs},
+        pairs=tuple((run.run, base.run) for run, base in paired_runs(evaluation)),
         enhancers={},
         frames=frames,
         every=every,
@@ -82,7 +88,7 @@ def gather(
         on_frame=on_frame or _nothing,
     )
     if enhance and frames:
-        job.enhancers = {name: _enhancer(job, name) for name in job.runs}
+        job.enhancers = {name: RunEnhancer(run.manifest) for name, run in job.runs.items()}
     wanted = {name for run in evaluation.runs for name in run.sequences}
     found = tuple(_look_into(job, sequence) for sequence in dataset if sequence.name in wanted)
     return Evidence(dataset.name, found, tuple(_all_notes(job, len(found))), loss_frames)
@@ -90,14 +96,6 @@ def gather(
 
 def _nothing() -> None:
     """No progress is asked for."""
-
-
-def _enhancer(job: _Job, run: str) -> RunEnhancer:
-    try:
-        return RunEnhancer(RunFolder(job.folder / run).manifest())
-    except NatBenchError as error:
-        job.note(str(error))
-        return RunEnhancer(None)
 
 
 def _look_into(job: _Job, sequence: Sequence) -> SequenceEvidence:
@@ -129,7 +127,7 @@ def known_truth(sequence: Sequence) -> Boxes:
 
 
 def _track(job: _Job, run: RunScores, sequence: Sequence, truth: Boxes) -> TrackEvidence:
-    given = RunFolder(job.folder / run.run).boxes(sequence.name)
+    given = job.stored[run.run].boxes(sequence.name)
     rows = len(truth)
     boxes = np.full((rows, 4), np.nan)  # a result that is too short found nothing in the rest
     boxes[: min(rows, len(given))] = given[:rows]
@@ -168,41 +166,38 @@ def _with_frames(job: _Job, sequence: Sequence, found: SequenceEvidence) -> Sequ
         if enhancer.problem and enhancer.record:
             title = enhancer.record.title
             job.note(f"no over-enhancement by {title} is measured: {enhancer.problem}")
-    thumbnails = _thumbnails(looker, tracks)
+    thumbnails = _thumbnails(looker, tracks, job.pairs)
     error = keeper.save()
     if error is not None:
         job.note(f"evidence is not kept: {error}")
     return replace(found, tracks=tracks, light=light, thumbnails=thumbnails)
 
 
-def _thumbnails(looker: Looker, tracks: Mapping[str, TrackEvidence]) -> tuple[Thumbnail, ...]:
+def _thumbnails(
+    looker: Looker, tracks: Mapping[str, TrackEvidence], pairs: Iterable[tuple[str, str]]
+) -> tuple[Thumbnail, ...]:
     pictures = []
-    for frame, moment in telling_frames(tracks):
+    for frame, moment in telling_frames(tracks, pairs):
         picture = looker.thumbnail(frame, moment, list(tracks.values()))
         if picture is not None:
             pictures.append(picture)
     return tuple(pictures)
 
 
-def telling_frames(tracks: Mapping[str, TrackEvidence]) -> list[tuple[int, Moment]]:
-    """Numbers of the frames that tell most about these runs of one sequence, and why."""
+def telling_frames(
+    tracks: Mapping[str, TrackEvidence], pairs: Iterable[tuple[str, str]]
+) -> list[tuple[int, Moment]]:
+    """Numbers of the frames that tell most about these runs of one sequence, and why.
+
+    `pairs` are (run with an enhancer, the same tracker alone), as in `choose_moments`.
+    """
     longest = max(tracks.values(), key=lambda track: len(track.frames))
     moments = choose_moments(
         {run: track.overlap for run, track in tracks.items()},
-        pairs_of(tracks),
+        pairs,
         {run: track.failure.first_loss for run, track in tracks.items()},
     )
     return [(int(longest.frames[moment.row]), moment) for moment in moments]
-
-
-def pairs_of(tracks: Mapping[str, TrackEvidence]) -> list[tuple[str, str]]:
-    """(run with an enhancer, the same tracker alone) of all runs that have such a partner."""
-    alone = {track.tracker: run for run, track in tracks.items() if track.enhancer == "none"}
-    return [
-        (run, alone[track.tracker])
-        for run, track in tracks.items()
-        if track.enhancer != "none" and track.tracker in alone
-    ]
 
 
 def _all_notes(job: _Job, count: int) -> list[str]:

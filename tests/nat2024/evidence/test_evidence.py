@@ -8,12 +8,11 @@ import pytest
 
 from nat2024.boxes import write_boxes
 from nat2024.datasets import load_dataset
-from nat2024.engine import run_benchmark
-from nat2024.engine.plan import combine
 from nat2024.errors import FrameUnreadable
 from nat2024.evaluation import evaluate
 from nat2024.evidence import Evidence, gather
 from nat2024.evidence.keeping import FOLDER
+from nat2024.store import DatasetRecord, Manifest, PluginRecord, RunFolder
 from nat2024.types import Dataset, Sequence
 
 
@@ -38,12 +37,17 @@ def results(night_clip: Path, tmp_path: Path) -> tuple[Dataset, Path]:
     """Two runs on `night_clip`: mosse is given the truth, mosse+gamma jumps away at frame 3."""
     dataset = load_dataset(night_clip)
     folder = tmp_path / "results"
-    run_benchmark(combine(["mosse"], ["none", "gamma"]), dataset, folder)
+    made = DatasetRecord(dataset.name, str(night_clip))
+    mosse, gamma = PluginRecord("mosse"), PluginRecord("gamma", options={"gamma": 0.5})
+    plain = RunFolder(folder / dataset.name / "mosse")
+    plain.write_manifest(Manifest(dataset=made, tracker=mosse))
+    enhanced = RunFolder(folder / dataset.name / "mosse+gamma")
+    enhanced.write_manifest(Manifest(dataset=made, tracker=mosse, enhancer=gamma))
     for sequence in dataset:
         away = sequence.boxes + np.array([500, 500, 0, 0])
         away[:3] = sequence.boxes[:3]
-        write_boxes(folder / dataset.name / "mosse" / f"{sequence.name}.txt", sequence.boxes)
-        write_boxes(folder / dataset.name / "mosse+gamma" / f"{sequence.name}.txt", away)
+        write_boxes(plain.box_file(sequence.name), sequence.boxes)
+        write_boxes(enhanced.box_file(sequence.name), away)
     return dataset, folder
 
 
