@@ -1,6 +1,6 @@
 """What a reader must know beside the scores."""
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from nat2024.metrics import SequenceScores, summarize
@@ -42,8 +42,29 @@ def notes_of(evaluation: "Evaluation") -> dict[str, Any]:
         "skipped_frames": {run.run: run.skipped for run in runs if run.skipped},
         "altered_sequences": {run.run: list(run.altered) for run in runs if run.altered},
         "strict_success_auc": strict,
+        **_foreign_notes(runs),
     }
     return {key: value for key, value in found.items() if value}
+
+
+def _foreign_notes(runs: Iterable["RunScores"]) -> dict[str, dict[str, Any]]:
+    """What was seen while results without a manifest were read, by kind and run."""
+    seen = {run.run: run.foreign for run in runs if run.foreign}
+    first = {run: found.first_rows for run, found in seen.items() if found.first_rows}
+    return {
+        "unreadable_results": {r: dict(f.unreadable) for r, f in seen.items() if f.unreadable},
+        "unknown_sequences": {r: dict(f.unknown) for r, f in seen.items() if f.unknown},
+        "first_rows": {
+            run: {"offset": list(rows.offset), "alike": rows.alike, "words": rows.text}
+            for run, rows in first.items()
+        },
+        "other_first_boxes": {run: list(rows.others) for run, rows in first.items() if rows.others},
+        "repeats": {
+            run: {"count": found.repeats, "deviation": dict(found.deviation)}
+            for run, found in seen.items()
+            if found.repeats > 1
+        },
+    }
 
 
 def _success(evaluation: "Evaluation", run: "RunScores") -> float:
@@ -79,6 +100,26 @@ _TEXTS: dict[str, tuple[Callable[[Any], str], str]] = {
         lambda names: f"made on another length or first box in {_names(names)}",
         "made on another length or first box",
     ),
+    "unreadable_results": (
+        lambda faults: f"{len(faults)} results left out, such as {next(iter(faults.values()))}",
+        "results left out",
+    ),
+    "unknown_sequences": (
+        lambda names: f"no sequence of the dataset is called {_with_closest(names)}",
+        "results of sequences that the dataset does not have",
+    ),
+    "first_rows": (
+        lambda rows: rows["words"] if any(rows["offset"]) else "",
+        "first rows lie beside the annotation",
+    ),
+    "other_first_boxes": (
+        lambda names: f"started on another box than the annotated one in {_names(names)}",
+        "started on another box than the annotated one",
+    ),
+    "repeats": (
+        lambda found: f"mean of {found['count']} repeats{_deviations(found['deviation'])}",
+        "mean of several repeats",
+    ),
 }
 """By kind of note: the words for one run, and in short for many that differ."""
 
@@ -90,7 +131,8 @@ def remarks_of(evaluation: "Evaluation") -> list[str]:
     if rows := notes.get("invalid_truth_rows"):
         lines.append(f"{sum(rows.values())} invalid ground-truth rows in {_names(rows)}")
     for kind, (words, short) in _TEXTS.items():
-        lines += _told_once({run: words(of) for run, of in notes.get(kind, {}).items()}, short)
+        texts = {run: words(of) for run, of in notes.get(kind, {}).items()}
+        lines += _told_once({run: text for run, text in texts.items() if text}, short)
     return lines + _strict_remark(evaluation, notes.get("strict_success_auc", {}))
 
 
@@ -114,6 +156,17 @@ def _strict_remark(evaluation: "Evaluation", strict: Mapping[str, float]) -> lis
     if len(strict) == 1:
         return [f"{most}: {success}"]
     return [f"{len(strict)} runs differ from protocol strict, most {most}: {success}"]
+
+
+def _with_closest(names: Mapping[str, str]) -> str:
+    texts = [f"{name} ({near})" if near else name for name, near in names.items()]
+    return _names(texts, 3)
+
+
+def _deviations(deviation: Mapping[str, float]) -> str:
+    shown = {"success_auc": "success", "precision_20": "precision"}
+    texts = [f"{word} {deviation[name]:.4f}" for name, word in shown.items() if name in deviation]
+    return f", standard deviation {', '.join(texts)}" if texts else ""
 
 
 def _names(names: Collection[str], count: int = 5) -> str:

@@ -1,17 +1,28 @@
 """From files to scores: every run of a folder against its dataset."""
 
+import logging
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from pathlib import Path
 
 from nat2024.datasets import load_again
-from nat2024.errors import DatasetNotFound, LengthMismatch
+from nat2024.errors import BoxFileError, DatasetNotFound, LengthMismatch
+from nat2024.evaluation.foreign import ScoredRepeats, foreign_notes, runs_of
 from nat2024.evaluation.tables import Evaluation, RunScores
-from nat2024.metrics import Protocol, SequenceScores, evaluate_boxes, get_protocol, summarize
-from nat2024.store import RunFolder, dataset_folder, list_runs, split_run_name
+from nat2024.metrics import (
+    Protocol,
+    SequenceScores,
+    average_repeats,
+    evaluate_boxes,
+    get_protocol,
+    summarize,
+)
+from nat2024.store import Run, dataset_folder, list_runs
 from nat2024.types import Boxes, Dataset, Flags, Origin, Sequence
 
 _COMPARED_WITH_STRICT = "pysot"
+
+_log = logging.getLogger("nat2024")
 
 
 def evaluate(
@@ -25,7 +36,9 @@ def evaluate(
     """Score every run of a dataset, or those named.
 
     Args:
-        results: the folder that `nat-bench run` wrote, or a folder of run folders.
+        results: the folder that `nat-bench run` wrote, or a folder or .zip archive of results in
+            any layout of another toolkit, read as it lies (`nat2024.importing`). Repeated runs
+            are averaged.
         dataset: the ground truth. A sequence with boxes on some frames only is scored on those
             frames, and only in runs that have it.
         protocol: a name, or a `Protocol` with options.
@@ -35,26 +48,42 @@ def evaluate(
 
     Raises:
         DatasetNotFound: there are no results of this dataset.
-        BoxFileError: a result file cannot be read.
+        BoxFileError: a result file of nat-bench's own cannot be read; those of other toolkits
+            are left out and named in the notes.
         LengthMismatch: lengths differ and may not.
     """
     chosen = get_protocol(protocol)
     folder = dataset_folder(results, dataset.name)
-    scored = tuple(
-        scores
-        for run in list_runs(folder)
-        if (runs is None or run.name in runs)
-        and (scores := _score_run(run, dataset, chosen, on_length)).sequences
-    )
+    found = [
+        _score_run(run, dataset, chosen, on_length)
+        for run in runs_of(list_runs(folder), dataset.name)
+        if runs is None or run.name in runs
+    ]
+    scored = tuple(scores for scores in found if scores.sequences)
+    empty = [_why_empty(scores) for scores in found if not scores.sequences]
     if not scored:
-        msg = f"{folder}: no result of any sequence of {dataset.name}"
+        why = next((f"; {reason}" for reason in empty if reason), "")
+        msg = f"{folder}: no result of any sequence of {dataset.name}{why}"
         raise DatasetNotFound(msg)
+    for reason in filter(None, empty):
+        _log.warning("left out: %s", reason)
     names = dataset.attribute_names or sorted({a for s in dataset for a in s.attributes})
     attributes = _carriers(dataset, names, lambda s, name: name in s.attributes)
     provenance = {s.name: s.provenance for s in dataset if s.provenance}
     kinds = sorted({s.category for s in dataset if s.category})
     categories = _carriers(dataset, kinds, lambda s, name: name == s.category)
     return Evaluation(dataset.name, chosen, scored, attributes, provenance, categories)
+
+
+def _why_empty(scores: RunScores) -> str:
+    """Why nothing of a run was scored, as far as one line can tell."""
+    if scores.foreign is None:
+        return ""
+    for reason in scores.foreign.unreadable.values():
+        return f"{scores.run}: {reason}"
+    for name, near in scores.foreign.unknown.items():
+        return f"{scores.run}: no sequence {name} in the dataset" + (f", {near}" if near else "")
+    return ""
 
 
 def _carriers(
@@ -86,41 +115,57 @@ def dataset_of_runs(folder: str | Path, *, lenient: bool = False) -> Dataset:
         raise DatasetNotFound(msg) from None
 
 
-def _score_run(
-    run: RunFolder, dataset: Dataset, protocol: Protocol, on_length: str | None
-) -> RunScores:
+def _score_run(run: Run, dataset: Dataset, protocol: Protocol, on_length: str | None) -> RunScores:
     manifest = run.manifest()
-    tracker, enhancer = split_run_name(run.name)
+    tracker = run.tracker
     if manifest and manifest.tracker.title == tracker:
         tracker = manifest.tracker.shown
     finished = set(run.finished())
-    scores: dict[str, SequenceScores] = {}
-    strict: list[SequenceScores] = []
-    for sequence in dataset:
-        if sequence.name not in finished or not len(sequence.boxes):
-            continue
-        pair = _pair(run, sequence)
-        # GOT-10k clips boxes to the image; no other protocol needs to look at one.
-        size = sequence.frame_size if protocol.name == "got10k-ao" else None
-        scores[sequence.name] = pair.score(protocol.for_sequence(size), on_length)
-        if protocol.name == _COMPARED_WITH_STRICT:
-            strict.append(pair.score(get_protocol("strict"), on_length))
-    missing = [s.name for s in dataset if s.is_annotated and s.name not in finished]
+    scored = _score_repeats(run, dataset, protocol, on_length)
+    scores = {name: average_repeats(each) for name, each in scored.repeats.items()}
     starts = manifest.starts if manifest else {}
     unread = manifest.skipped_frames if manifest else {}
-    altered = [n for n in scores if n in starts and starts[n] != dataset[n].start_digest()]
     return RunScores(
         run=run.name,
         tracker=tracker,
-        enhancer=enhancer,
+        enhancer=run.enhancer,
         scope=manifest.scope if manifest else "",
         sequences=scores,
-        missing=tuple(missing),
-        altered=tuple(altered),
+        missing=tuple(s.name for s in dataset if s.is_annotated and s.name not in finished),
+        altered=tuple(n for n in scores if n in starts and starts[n] != dataset[n].start_digest()),
         skipped={name: frames for name, frames in unread.items() if name in scores},
-        strict_success=summarize(strict, "strict").success_auc,
+        strict_success=summarize(scored.strict, "strict").success_auc,
         manifest=manifest,
+        foreign=None if manifest else foreign_notes(run, dataset, scored, protocol),
     )
+
+
+def _score_repeats(
+    run: Run, dataset: Dataset, protocol: Protocol, on_length: str | None
+) -> ScoredRepeats:
+    finished = set(run.finished())
+    scored = ScoredRepeats()
+    for sequence in dataset:
+        name = sequence.name
+        if name not in finished or not len(sequence.boxes):
+            continue
+        try:
+            stored = run.repeats(name)
+        except BoxFileError as error:
+            if run.manifest():
+                raise
+            scored.unreadable[name] = str(error)
+            continue
+        pairs = [_pair(run, sequence, boxes) for boxes in stored]
+        # GOT-10k clips boxes to the image; no other protocol needs to look at one.
+        size = sequence.frame_size if protocol.name == "got10k-ao" else None
+        chosen = protocol.for_sequence(size)
+        scored.first_rows[name] = stored[0][0]
+        scored.repeats[name] = [pair.score(chosen, on_length) for pair in pairs]
+        if protocol.name == _COMPARED_WITH_STRICT:
+            each = [pair.score(get_protocol("strict"), on_length) for pair in pairs]
+            scored.strict.append(average_repeats(each))
+    return scored
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,9 +188,9 @@ class _Pair:
         )
 
 
-def _pair(run: RunFolder, sequence: Sequence) -> _Pair:
+def _pair(run: Run, sequence: Sequence, predicted: Boxes) -> _Pair:
     source = run.box_file(sequence.name)
-    predicted, truth, visible = run.boxes(sequence.name), sequence.boxes, sequence.visible
+    truth, visible = sequence.boxes, sequence.visible
     if sequence.keyframes is None:
         return _Pair(source, predicted, truth, visible)
     if len(predicted) != len(sequence):

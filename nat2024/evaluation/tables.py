@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from nat2024.evaluation.foreign import ForeignNotes
 from nat2024.evaluation.gains import By, gains_of
 from nat2024.evaluation.notes import notes_of, remarks_of
 from nat2024.metrics import (
@@ -52,6 +53,7 @@ class RunScores:
         altered: names of sequences whose length or first box is not what was tracked.
         strict_success: success AUC under the protocol `strict`, NaN where it was not asked.
         manifest: what made the run, None for foreign results.
+        foreign: what was seen while results without a manifest were read.
     """
 
     run: str
@@ -64,6 +66,7 @@ class RunScores:
     skipped: dict[str, list[int]]
     strict_success: float
     manifest: Manifest | None = None
+    foreign: ForeignNotes | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

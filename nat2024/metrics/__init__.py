@@ -40,6 +40,7 @@ from nat2024.metrics.protocols import (
     get_protocol,
     list_protocols,
 )
+from nat2024.metrics.repeats import average_repeats
 from nat2024.metrics.sequences import SCORE_NAMES, Scores, SequenceScores, evaluate_boxes
 
 __all__ = [
@@ -55,6 +56,7 @@ __all__ = [
     "Protocol",
     "Scores",
     "SequenceScores",
+    "average_repeats",
     "center_error",
     "evaluate_boxes",
     "get_protocol",

@@ -40,6 +40,11 @@ class Run(Protocol):
         """Name of the enhancer, with its label; "none" for the plain tracker."""
         ...
 
+    @property
+    def dataset(self) -> str:
+        """Name of the dataset, where a run of another toolkit is stored with it."""
+        ...
+
     def finished(self) -> list[str]:
         """Names of all sequences that have a result, sorted."""
         ...
@@ -104,6 +109,11 @@ class RunFolder:
     def enhancer(self) -> str:
         """Name of the enhancer, with its label; "none" for the plain tracker."""
         return self._names()[1]
+
+    @property
+    def dataset(self) -> str:
+        """Nothing: the folder above the run is the dataset's."""
+        return ""
 
     def _names(self) -> tuple[str, str]:
         # only where nothing tells who wrote it, a name is read as those of other toolkits are

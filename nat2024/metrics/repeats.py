@@ -1,0 +1,50 @@
+"""Scores of repeated runs of one tracker on one sequence, as one."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from nat2024.errors import ArrayContract
+from nat2024.metrics.sequences import SCORE_NAMES, SequenceScores
+from nat2024.types import Floats
+
+_CURVES = ("success_curve", "precision_curve", "normalized_precision_curve")
+_BY_FRAME = ("overlap", "center_error", "normalized_center_error")
+
+
+def average_repeats(repeats: Sequence[SequenceScores]) -> SequenceScores:
+    """Average scores and curves over repeats, as pytracking merges its runs.
+
+    Overlap and errors by frame are averaged over the repeats that have them, where all repeats
+    count the same frames; else they are those of the first. Bad rows are added up.
+
+    Args:
+        repeats: scores of the same sequence under the same protocol, at least one.
+
+    Raises:
+        ArrayContract: there are none.
+    """
+    if not repeats:
+        msg = "no repeats to average"
+        raise ArrayContract(msg)
+    first = repeats[0]
+    if len(repeats) == 1:
+        return first
+    means: dict[str, Any] = {
+        **{name: float(np.mean([getattr(one, name) for one in repeats])) for name in SCORE_NAMES},
+        **{name: np.mean([getattr(one, name) for one in repeats], axis=0) for name in _CURVES},
+        **{name: _by_frame([getattr(one, name) for one in repeats]) for name in _BY_FRAME},
+    }
+    return replace(first, **means, bad_results=sum(one.bad_results for one in repeats))
+
+
+def _by_frame(values: list[Floats]) -> Floats:
+    if len({len(one) for one in values}) > 1:
+        return values[0]
+    table = np.stack(values)
+    is_there = ~np.isnan(table)
+    count = is_there.sum(axis=0)
+    total = np.where(is_there, table, 0).sum(axis=0)
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
