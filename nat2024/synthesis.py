@@ -3,6 +3,7 @@
 import logging
 import multiprocessing
 import os
+import re
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -223,6 +224,16 @@ class Darkened(msgspec.Struct, frozen=True):
 def level_folder(out: Path, name: str, level: float) -> Path:
     """Where the dataset of one level goes: `OUT/NAME-0.06`."""
     return out / f"{name}-{level:g}"
+
+
+def level_of(name: str) -> tuple[str, float] | None:
+    """The daytime dataset and the light level that `level_folder` puts into a name, None without.
+
+    >>> level_of("uav123-0.06")
+    ('uav123', 0.06)
+    """
+    match = re.fullmatch(r"(?P<day>.+)-(?P<level>0\.\d+)", name)
+    return (match["day"], float(match["level"])) if match else None
 
 
 def darken(

@@ -1,7 +1,8 @@
 """How figures look, and how they are written: the same bytes for the same data.
 
-Colours are those of Okabe and Ito, which people with any colour vision can tell apart. Fonts are
-embedded as TrueType, as publishers ask for.
+Colours are those of Okabe and Ito without yellow, which is lost on white, with the wine and indigo
+of Paul Tol; people with any colour vision can tell them apart. Fonts are embedded as TrueType, as
+publishers ask for; in SVG letters are outlines.
 """
 
 import contextlib
@@ -14,7 +15,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 BLUE, ORANGE, GREEN, VERMILION = "#0072B2", "#E69F00", "#009E73", "#D55E00"
+PINK, SKY, WINE, INDIGO, BLACK = "#CC79A7", "#56B4E9", "#882255", "#332288", "#000000"
 GREY = "#666666"
+
+COLOURS = (BLUE, VERMILION, GREEN, PINK, ORANGE, SKY, WINE, INDIGO)
+"""Colours of lines in the order in which they are given out; none is hard to see on white."""
 
 COLUMN, PAGE = 3.5, 7.16
 """Widths in inches of one column and of the text of an IEEE page."""
@@ -117,3 +122,15 @@ def plain_text(name: str) -> str:
     known = get_font(findfont("DejaVu Sans")).get_charmap()
     shown = "".join(letter if ord(letter) in known else "?" for letter in name)
     return shown.replace("$", r"\$")
+
+
+def shortened(name: str, length: int = 36) -> str:
+    """A name of at most `length` letters, its middle left out where it is longer.
+
+    >>> shortened("a_tracker_with_a_long_label", 15)
+    'a_track…g_label'
+    """
+    if len(name) <= length:
+        return name
+    end = (length - 1) // 2
+    return f"{name[: length - 1 - end]}…{name[-end:]}"

@@ -1,0 +1,90 @@
+"""Axes and legends at fixed places, in inches, so that no label moves or squeezes a plot."""
+
+from typing import TYPE_CHECKING
+
+from nat2024_reports.style import new_figure, plain_text
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+LINE = 0.128
+"""Height of a line of a legend."""
+
+TITLE = 0.2
+"""Height that a title over all panels takes."""
+
+_LEAST_SIZE, _SIZE = 4.5, 6.5  # points of letters in legends
+_EDGE = 0.06
+_BELOW, _ABOVE = 0.42, 0.2  # of axes: ticks and label, title
+
+
+def panels(
+    count: int,
+    *,
+    width: float,
+    height: float,
+    entries: int,
+    title: str = "",
+    left: float = 0.48,
+    headings: bool = True,
+) -> "tuple[Figure, list[Axes]]":
+    """A row of axes with room for a legend below each.
+
+    Args:
+        count: of axes, at least one.
+        width: of the figure in inches.
+        height: of the axes in inches.
+        entries: lines of the longest legend.
+        title: over all, may be empty.
+        left: room for the ticks and the label of each, in inches.
+        headings: whether each has a title of its own.
+    """
+    legend = entries * LINE + (0.08 if entries else 0)
+    above = (_ABOVE if headings else 0.04) + (TITLE if title else 0)
+    whole = height + _BELOW + legend + above + _EDGE
+    figure = new_figure(width, whole)
+    figure.set_layout_engine("none")
+    cell = width / count
+    made = []
+    for number in range(count):
+        corner = (number * cell + left) / width, (legend + _BELOW + _EDGE) / whole
+        size = (cell - left - 0.14) / width, height / whole
+        made.append(figure.add_axes((*corner, *size)))
+    if title:
+        figure.suptitle(plain_text(title), fontsize=8, weight="bold", y=1 - 0.05 / whole, va="top")
+    return figure, made
+
+
+def legend_below(axes: "Axes", *, columns: int = 1) -> None:
+    """A legend under axes made by `panels`, in letters as large as fit into their cell.
+
+    Args:
+        axes: with labelled lines.
+        columns: side by side.
+    """
+    figure = axes.figure
+    bounds = axes.get_position()
+    width, height = figure.get_size_inches()  # type: ignore[union-attr]
+    cells = len(figure.axes)
+    cell = width / cells
+    start = int(bounds.x0 * cells + 1e-9) * cell + _EDGE
+    place = (start, bounds.y0 * height - _BELOW - 0.02)
+    size = _SIZE
+    for _ in range(2):  # the second time in letters that fit
+        legend = axes.legend(
+            loc="upper left",
+            bbox_to_anchor=place,
+            bbox_transform=figure.dpi_scale_trans,
+            ncols=columns,
+            borderaxespad=0.0,
+            borderpad=0.0,
+            handlelength=2.6,
+            labelspacing=LINE * 72 / size - 1.0,
+            columnspacing=1.2,
+            fontsize=size,
+        )
+        wide = legend.get_window_extent().width / figure.dpi
+        if wide <= cell - 2 * _EDGE:
+            break
+        size = max(_LEAST_SIZE, size * (cell - 2 * _EDGE) / wide)

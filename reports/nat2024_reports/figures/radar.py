@@ -1,0 +1,87 @@
+"""Radar of scores by attribute or category."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from nat2024_reports.figures.looks import Look
+from nat2024_reports.style import COLUMN, figure_style, new_figure, plain_text, shortened
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+LEAST, MOST = 3, 16
+"""Axes that a radar needs, and that it can have before their names run into each other."""
+
+
+def radar_figure(table: "pd.DataFrame", looks: Mapping[str, Look], *, title: str = "") -> "Figure":
+    """One closed line a run over the axes, which start in the middle at 0.
+
+    Args:
+        table: `label, run, value`; a row with NaN leaves a gap in its line.
+        looks: by run.
+        title: above, may be empty.
+    """
+    labels = list(dict.fromkeys(table.label))
+    runs = list(dict.fromkeys(table.run))
+    angles = 2 * np.pi * np.arange(len(labels)) / max(len(labels), 1)
+    rows = -(-len(runs) // 2) if _is_narrow(looks) else len(runs)
+    with figure_style():
+        figure = new_figure(COLUMN, 3.0 + 0.135 * rows + (0.2 if title else 0))
+        axes: Any = figure.add_subplot(projection="polar")
+        axes.set_theta_zero_location("N")
+        axes.set_theta_direction(-1)
+        for place, run in enumerate(runs):
+            look = looks[run]
+            values = table[table.run == run].set_index("label").value.reindex(labels).to_numpy()
+            axes.plot(
+                np.append(angles, angles[:1]),
+                np.append(values, values[:1]),
+                linestyle=look.line,
+                color=look.color,
+                linewidth=1.2,
+                marker=look.marker or None,
+                markersize=3,
+                label=look.label,
+                zorder=3 - 0.01 * place,
+            )
+        top = _top(table.value.max())
+        axes.set_ylim(0, top)
+        _rings(axes, top, np.pi / max(len(labels), 1))
+        axes.set_xticks(angles, [plain_text(shortened(label, 24)) for label in labels])
+        axes.tick_params(axis="x", pad=1, labelsize=7 if len(labels) <= 10 else 6)
+        for text, angle in zip(axes.get_xticklabels(), angles, strict=True):
+            side = round(float(np.sin(angle)), 3)
+            text.set_horizontalalignment("center" if side == 0 else "left" if side > 0 else "right")
+        axes.spines["polar"].set_visible(False)
+        axes.grid(visible=True)
+        if title:
+            figure.suptitle(plain_text(title), fontsize=8, weight="bold")
+        columns = 2 if _is_narrow(looks) else 1
+        figure.legend(loc="outside lower center", ncols=columns, handlelength=2.4)
+        return figure
+
+
+def _rings(axes: Any, top: float, angle: float) -> None:
+    """Rings with their numbers, which lie over the lines."""
+    step = 0.2 if top > 0.5 else 0.1 if top > 0.2 else 0.05
+    rings = step * np.arange(1, round(top / step + 1e-9) + 1)
+    axes.set_yticks(rings, [""] * len(rings))
+    behind = {"facecolor": "white", "edgecolor": "none", "pad": 0.5, "alpha": 0.75}
+    style: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 6, "color": "#444444"}
+    for ring in rings:
+        axes.text(angle, ring, f"{ring:.2g}", bbox=behind, zorder=5, **style)
+
+
+def _is_narrow(looks: Mapping[str, Look]) -> bool:
+    return max((len(look.label) for look in looks.values()), default=0) <= 24
+
+
+def _top(highest: float) -> float:
+    """The next ring outside."""
+    if not np.isfinite(highest):
+        return 1.0
+    step = 0.2 if highest > 0.5 else 0.1
+    return float(max(np.ceil(highest / step - 1e-9) * step, 0.1))
