@@ -18,6 +18,8 @@ _VERBS = {
     "plot": "Draw scores as a paper does: curves, attributes, gains, errors, speed.",
     "show": "Show what runs did: strips of telling frames, videos with boxes.",
     "report": "Write one HTML page that shows why the numbers are what they are.",
+    "reproduce": "Put a paper's tables beside what its authors' result files give.",
+    "export": "Write stored results in other toolkits' layouts, or theirs in ours.",
     "enhance": "Enhance images, videos or whole datasets, without a tracker.",
     "list": "Show trackers, enhancers and datasets.",
     "weights": "Register weights files, so that plugins find them.",

@@ -30,6 +30,13 @@ results_option = click.option(
     show_default=True,
     help="Folder of results.",
 )
+stored_results_option = click.option(
+    "--results",
+    type=click.Path(path_type=Path),
+    default=Path("results"),
+    show_default=True,
+    help="Results of nat-bench, or of another toolkit: a folder or a .zip archive.",
+)
 dataset_option = click.option(
     "--dataset", metavar="NAME_OR_PATH", help="A registered dataset, or a folder of sequences."
 )

@@ -34,7 +34,7 @@ class Scoring:
 def scoring_options(function: Callable[..., Any]) -> Callable[..., Any]:
     """Add the options that say what is scored and how; `function` gets them as one `Scoring`."""
 
-    @shared.results_option
+    @shared.stored_results_option
     @shared.dataset_option
     @shared.root_option
     @shared.lenient_option

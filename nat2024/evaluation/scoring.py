@@ -32,6 +32,7 @@ def evaluate(
     protocol: str | Protocol = "pysot",
     on_length: str | None = None,
     runs: Collection[str] | None = None,
+    skip_faulty: bool = False,
 ) -> Evaluation:
     """Score every run of a dataset, or those named.
 
@@ -45,6 +46,8 @@ def evaluate(
         on_length: what to do where a result and its truth differ in length: None as the protocol
             says, "error", "pad" (missing rows fail) or "cut".
         runs: names of run folders; the others are not even read.
+        skip_faulty: leave out results of another toolkit whose length may not differ but does, and
+            name them in the notes, instead of raising.
 
     Raises:
         DatasetNotFound: there are no results of this dataset.
@@ -55,7 +58,7 @@ def evaluate(
     chosen = get_protocol(protocol)
     folder = dataset_folder(results, dataset.name)
     found = [
-        _score_run(run, dataset, chosen, on_length)
+        _score_run(run, dataset, chosen, on_length, skip_faulty=skip_faulty)
         for run in runs_of(list_runs(folder), dataset.name)
         if runs is None or run.name in runs
     ]
@@ -115,13 +118,24 @@ def dataset_of_runs(folder: str | Path, *, lenient: bool = False) -> Dataset:
         raise DatasetNotFound(msg) from None
 
 
-def _score_run(run: Run, dataset: Dataset, protocol: Protocol, on_length: str | None) -> RunScores:
+def _score_run(
+    run: Run, dataset: Dataset, protocol: Protocol, on_length: str | None, *, skip_faulty: bool
+) -> RunScores:
     manifest = run.manifest()
     tracker = run.tracker
     if manifest and manifest.tracker.title == tracker:
         tracker = manifest.tracker.shown
     finished = set(run.finished())
-    scored = _score_repeats(run, dataset, protocol, on_length)
+    skipped = (BoxFileError, LengthMismatch) if skip_faulty else BoxFileError
+    scored = ScoredRepeats()
+    for sequence in dataset:
+        if sequence.name in finished and len(sequence.boxes):
+            try:
+                _score_sequence(run, sequence, protocol, on_length, scored)
+            except skipped as error:
+                if manifest:
+                    raise
+                scored.unreadable[sequence.name] = str(error)
     scores = {name: average_repeats(each) for name, each in scored.repeats.items()}
     starts = manifest.starts if manifest else {}
     unread = manifest.skipped_frames if manifest else {}
@@ -140,32 +154,21 @@ def _score_run(run: Run, dataset: Dataset, protocol: Protocol, on_length: str | 
     )
 
 
-def _score_repeats(
-    run: Run, dataset: Dataset, protocol: Protocol, on_length: str | None
-) -> ScoredRepeats:
-    finished = set(run.finished())
-    scored = ScoredRepeats()
-    for sequence in dataset:
-        name = sequence.name
-        if name not in finished or not len(sequence.boxes):
-            continue
-        try:
-            stored = run.repeats(name)
-        except BoxFileError as error:
-            if run.manifest():
-                raise
-            scored.unreadable[name] = str(error)
-            continue
-        pairs = [_pair(run, sequence, boxes) for boxes in stored]
-        # GOT-10k clips boxes to the image; no other protocol needs to look at one.
-        size = sequence.frame_size if protocol.name == "got10k-ao" else None
-        chosen = protocol.for_sequence(size)
-        scored.first_rows[name] = stored[0][0]
-        scored.repeats[name] = [pair.score(chosen, on_length) for pair in pairs]
-        if protocol.name == _COMPARED_WITH_STRICT:
-            each = [pair.score(get_protocol("strict"), on_length) for pair in pairs]
-            scored.strict.append(average_repeats(each))
-    return scored
+def _score_sequence(
+    run: Run, sequence: Sequence, protocol: Protocol, on_length: str | None, scored: ScoredRepeats
+) -> None:
+    """Score all repeats of a sequence into `scored`."""
+    stored = run.repeats(sequence.name)
+    pairs = [_pair(run, sequence, boxes) for boxes in stored]
+    # GOT-10k clips boxes to the image; no other protocol needs to look at one.
+    size = sequence.frame_size if protocol.name == "got10k-ao" else None
+    chosen = protocol.for_sequence(size)
+    repeats = [pair.score(chosen, on_length) for pair in pairs]
+    if protocol.name == _COMPARED_WITH_STRICT:
+        each = [pair.score(get_protocol("strict"), on_length) for pair in pairs]
+        scored.strict.append(average_repeats(each))
+    scored.first_rows[sequence.name] = stored[0][0]
+    scored.repeats[sequence.name] = repeats
 
 
 @dataclass(frozen=True, slots=True)

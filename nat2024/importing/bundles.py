@@ -8,7 +8,7 @@ from pathlib import Path
 import msgspec
 
 from nat2024.boxes import parse_boxes
-from nat2024.errors import BoxFileError, NatBenchError
+from nat2024.errors import BoxFileError
 from nat2024.importing.runs import ForeignRun
 from nat2024.importing.tree import Folder, read_file
 from nat2024.types import Boxes
@@ -49,14 +49,12 @@ class BundleManifest(msgspec.Struct, frozen=True):
         format: name and version of this layout.
         dataset: name of the dataset.
         protocol: the one-pass protocol that its owner scores it by.
-        made_by: program and version.
         runs: every run.
     """
 
     format: str
     dataset: str
     protocol: str
-    made_by: str
     runs: list[BundledRun]
 
 
@@ -112,12 +110,3 @@ def _read(digests: Mapping[str, str], path: Path) -> Boxes:
         raise BoxFileError(msg)
     text = raw.decode("utf-8", "replace").removeprefix(HEADER)
     return parse_boxes(text, source=str(path))
-
-
-def bundle_dataset(folder: Folder) -> str:
-    """Name of the dataset of a bundle, empty where there is none."""
-    try:
-        runs = find(folder)
-    except NatBenchError:
-        return ""
-    return runs[0].dataset if runs else ""

@@ -11,7 +11,7 @@ from typing import TypeVar
 from nat2024.archives import is_archive
 from nat2024.errors import NatBenchError
 from nat2024.importing import bundles, got10k, otb_matlab, pytracking, texts, vot, zipped
-from nat2024.importing.names import names_dataset
+from nat2024.importing.names import names_annotation, names_container, names_dataset
 from nat2024.importing.runs import ForeignRun
 from nat2024.importing.tree import Folder, is_folder, open_folder
 
@@ -46,7 +46,6 @@ LAYOUTS = (
 
 _DEPTH = 4
 _NOT_OPENED = (".pkl", ".pickle", ".npy", ".pt", ".pth")
-_CONTAINERS = ("results", "trackingresults", "resultsope", "rawresults", "others")
 
 
 def find_runs(path: str | Path, *, single: bool = True) -> list[ForeignRun]:
@@ -67,10 +66,14 @@ def find_runs(path: str | Path, *, single: bool = True) -> list[ForeignRun]:
         runs = [run for child in _children(folder) for run in find_in(child)]
         runs += _attempt(folder.path, partial(otb_matlab.find, folder))
         for archive in zipped.archives_in(folder):
-            runs += _attempt(archive, partial(zipped.find, archive))
+            runs += _attempt(archive, partial(_in_archive, archive))
     if not runs and single:
         runs = find_in(folder)
     return sorted(_with_unique_names(runs), key=lambda run: run.name)
+
+
+def _in_archive(archive: Path) -> list[ForeignRun]:
+    return bundles.find(open_folder(archive)) or zipped.find(archive)
 
 
 def find_in(folder: Folder) -> list[ForeignRun]:
@@ -84,6 +87,8 @@ def find_in(folder: Folder) -> list[ForeignRun]:
 
 def _children(folder: Folder) -> Iterator[Folder]:
     for name in folder.folders:
+        if names_annotation(name):  # boxes, but nobody's results
+            continue
         yield from _attempt(folder.path / name, partial(_listed, folder, name))
 
 
@@ -145,11 +150,7 @@ def groups_of(path: str | Path, dataset: str) -> list[Path]:
     """Those folders of runs that are named as a dataset, else those that name none."""
     groups = find_groups(path)
     named = [group for group in groups if names_dataset(group.name, dataset)]
-    return named or [group for group in groups if _is_container(group)]
-
-
-def _is_container(group: Path) -> bool:
-    return group.name.lower().replace("_", "") in _CONTAINERS
+    return named or [group for group in groups if names_container(group.name)]
 
 
 def unread_files(path: str | Path) -> str:

@@ -110,12 +110,30 @@ _OTHER_DATASETS = frozenset(
 )
 
 
+_CONTAINERS = frozenset(
+    ("results", "trackingresults", "resultsope", "rawresults", "others", "overall")
+)
+_ANNOTATIONS = frozenset(
+    ("anno", "annos", "annorevise", "annotation", "annotations", "att", "groundtruth", "gt")
+)
+
+
 def names_dataset(name: str, dataset: str | None = None) -> bool:
     """Whether a folder name is that of a dataset: of `dataset` where given, else of any known."""
     key = _plain(name)
     if dataset is None:
         return key in _DATASETS or key in _OTHER_DATASETS
     return _plain(_DATASETS.get(key, name)) == _plain(dataset)
+
+
+def names_container(name: str) -> bool:
+    """Whether a folder name tells of results, and of no dataset or tracker."""
+    return _plain(name) in _CONTAINERS
+
+
+def names_annotation(name: str) -> bool:
+    """Whether a folder name tells of ground truth, which is no result."""
+    return _plain(name) in _ANNOTATIONS
 
 
 def _plain(name: str) -> str:

@@ -18,7 +18,10 @@ _NEAR_PX = 1.5  # rounding and half pixels stay within this; another target does
 _MEANINGS = {
     (0.5, 0.5): "as the testers of pysot write them",
     (0.0, 0.0): "as annotated",
-    (-1.0, -1.0): "0-based, so all rows are probably one pixel off; --shift-origin adds it",
+    (
+        -1.0,
+        -1.0,
+    ): "0-based: all rows are probably one pixel off (`export --shift-origin`)",
     (-0.5, -0.5): "half a pixel off, as some MATLAB results are",
 }
 

@@ -9,7 +9,7 @@ from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
 
-from nat2024.importing.names import names_dataset
+from nat2024.importing.names import names_container, names_dataset
 from nat2024.importing.runs import ForeignRun
 from nat2024.importing.texts import sequence_files, time_files
 from nat2024.importing.tree import Folder, has_tabs
@@ -24,7 +24,7 @@ _DEFAULT = "default"
 
 def find(folder: Folder) -> list[ForeignRun]:
     """The runs of a tracker, one a PARAM and dataset; repeats of a PARAM are one run."""
-    if folder.texts() or names_dataset(folder.name):
+    if folder.texts() or names_dataset(folder.name) or names_container(folder.name):
         return []
     found: dict[tuple[str, str], list[Folder]] = defaultdict(list)
     for parameters, dataset, holder in _holders(folder):

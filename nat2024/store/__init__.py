@@ -16,6 +16,7 @@ Runs of other toolkits are found and read beside them, as they lie (`nat2024.imp
 from nat2024.store.manifests import (
     FORMAT,
     DatasetRecord,
+    ImportRecord,
     Manifest,
     OnBadFrame,
     PluginRecord,
@@ -43,6 +44,7 @@ __all__ = [
     "FORMAT",
     "STAGES",
     "DatasetRecord",
+    "ImportRecord",
     "Manifest",
     "OnBadFrame",
     "PluginRecord",

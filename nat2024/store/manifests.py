@@ -80,6 +80,14 @@ class StageTimes(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     end_to_end_frames_per_second: float
 
 
+class ImportRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Where a run of another toolkit was taken from: its name there, its layout and its place."""
+
+    name: str
+    layout: str
+    source: str
+
+
 class Manifest(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
     """What made a run folder.
 
@@ -97,6 +105,8 @@ class Manifest(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
         starts: by sequence, what tells its length and first box (`Sequence.start_digest`).
         skipped_frames: by sequence, the 0-based numbers of the frames that could not be read.
         timing: over all finished sequences.
+        imported: where the run was taken from, if another program tracked it; `scope`, `device`
+            and `threads` are then empty.
         format: version of this layout.
     """
 
@@ -113,6 +123,7 @@ class Manifest(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
     starts: dict[str, str] = {}
     skipped_frames: dict[str, list[int]] = {}
     timing: StageTimes | None = None
+    imported: ImportRecord | None = None
     format: int = FORMAT
 
     @property

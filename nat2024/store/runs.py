@@ -116,9 +116,13 @@ class RunFolder:
         return ""
 
     def _names(self) -> tuple[str, str]:
-        # only where nothing tells who wrote it, a name is read as those of other toolkits are
-        is_own = (self.path / "run.json").is_file()
-        return split_run_name(self.name) if is_own else split_name(self.name)
+        manifest = self.manifest()
+        if manifest is None:  # nothing tells who wrote it, so its name may be of any form
+            return split_name(self.name)
+        if manifest.imported is None:
+            return split_run_name(self.name)
+        enhancer = manifest.enhancer.title if manifest.enhancer else "none"
+        return manifest.tracker.title, enhancer
 
     def box_file(self, sequence: str) -> Path:
         """Where the boxes of a sequence are kept."""
