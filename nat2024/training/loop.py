@@ -31,6 +31,7 @@ Validation: TypeAlias = "Callable[[nn.Module], Mapping[str, float]]"
 Progress: TypeAlias = "Callable[[int, str], object]"
 
 _CHECKPOINTS, _BEST = "checkpoints", "best.pt"
+_LEAST_SCALE = 1.0  # gradients that overflow even below this are not finite in themselves
 
 
 class Source(Protocol):
@@ -286,14 +287,14 @@ class _Run:
             scaler.unscale_(self.optimiser)
         limit = self.settings.clip or math.inf
         norm = float(torch.nn.utils.clip_grad_norm_(self.network.parameters(), limit))
-        if scaler is not None:  # it leaves out steps whose gradients overflow in half precision
-            scaler.step(self.optimiser)
-            scaler.update()
-            return norm
-        if not math.isfinite(norm):
+        if not math.isfinite(norm) and (scaler is None or scaler.get_scale() < _LEAST_SCALE):
             self._fail(f"the gradient's norm is {norm}")
-        self.optimiser.step()
-        return norm
+        if scaler is None:
+            self.optimiser.step()
+            return norm
+        scaler.step(self.optimiser)
+        scaler.update()
+        return norm if math.isfinite(norm) else 0.0  # it has left out a step that overflowed
 
     def _fail(self, what: str) -> None:
         kept = checkpoints.list_checkpoints(self.places)

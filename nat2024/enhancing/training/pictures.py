@@ -12,7 +12,7 @@ import numpy as np
 
 from nat2024.enhancing.sources import ImageItem, Item, Source, VideoItem, find_source
 from nat2024.enhancing.training.settings import PictureSettings
-from nat2024.errors import DatasetNotFound, FrameUnreadable
+from nat2024.errors import DatasetNotFound, FrameUnreadable, Unwritable
 from nat2024.files import remove_leftovers, write_atomic
 from nat2024.types import Image
 
@@ -167,8 +167,15 @@ class PictureStore:
         picture = fit_picture(shot.read(), self.settings)
         stack = picture[None] if self.targets is None else self._with_targets(picture)
         if path is not None:
-            write_atomic(path, _encode(stack))
+            self._keep(path, stack)
         return stack
+
+    def _keep(self, path: Path, stack: Image) -> None:
+        try:
+            write_atomic(path, _encode(stack))
+        except Unwritable as error:
+            msg = f"{error}; --cache names another folder for pictures with their labels"
+            raise Unwritable(msg) from None
 
     def _with_targets(self, picture: Image) -> Image:
         import torch
@@ -213,7 +220,10 @@ def _decode(path: Path, targets: int) -> Image | None:
     """None where the file is no whole stack, so that it is made anew."""
     import cv2
 
-    tall = cv2.imdecode(np.fromfile(path, np.uint8), cv2.IMREAD_COLOR)
+    raw = path.read_bytes()
+    if raw[-8:-4] != b"IEND":  # OpenCV fills up what is cut off
+        return None
+    tall = cv2.imdecode(np.frombuffer(raw, np.uint8), cv2.IMREAD_COLOR)
     count = 1 + targets
     if tall is None or tall.shape[0] % count:
         return None

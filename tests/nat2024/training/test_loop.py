@@ -2,6 +2,7 @@
 
 import itertools
 import json
+import math
 import os
 import signal
 import subprocess
@@ -248,6 +249,28 @@ def test_no_disk_space_loses_nothing(tmp_path, monkeypatch):
     assert_same(resumed.network, run(tmp_path / "whole")[0].network)
 
 
+@pytest.mark.skipif(os.name == "nt", reason="limits of file sizes are POSIX's")
+def test_a_file_system_that_refuses_loses_nothing(tmp_path):
+    """Files may not pass 8 kB for a while, which the network's checkpoints do."""
+    import resource
+
+    _, before = run(tmp_path, set_values([SETTINGS], {"schedule": "constant", "steps": 6})[0])
+    assert before.steps == 6
+    constant = set_values([SETTINGS], {"schedule": "constant"})[0]
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (8192, limits[1]))
+    try:
+        with pytest.raises(Unwritable, match=r"step-00000012\.pt: cannot be written \(File too l"):
+            run(tmp_path, constant)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    names = [path.name for path in (tmp_path / "checkpoints").iterdir()]
+    assert names == ["step-00000006.pt"]
+    resumed, report = run(tmp_path, constant)
+    assert report.resumed_from == 6
+    assert_same(resumed.network, run(tmp_path / "whole", constant)[0].network)
+
+
 def test_the_best_step_is_chosen_by_the_validation(tmp_path):
     problem = Problem()
     left = iter([1.0, 5.0, 2.0, 3.0])
@@ -344,6 +367,81 @@ def test_tensorboard_is_optional(tmp_path, monkeypatch, caplog):
     with caplog.at_level("INFO"):
         assert open_tensorboard(tmp_path, 0) is None
     assert "pip install 'nat-bench[train]'" in caplog.text
+
+
+def test_tensorboard_shows_the_curves_and_no_step_twice(tmp_path):
+    """What its own reader finds is what the CSV files have, also after a kill and a resume."""
+    accumulator = pytest.importorskip("tensorboard.backend.event_processing.event_accumulator")
+    run(tmp_path, set_values([SETTINGS], {"schedule": "constant", "steps": 14})[0])
+    (tmp_path / "checkpoints" / "step-00000014.pt").unlink()  # as if killed before it was there
+    _, report = run(tmp_path, set_values([SETTINGS], {"schedule": "constant"})[0])
+    assert report.resumed_from == 12
+    events = accumulator.EventAccumulator(str(tmp_path / "tensorboard")).Reload()
+    curve = read_curve(tmp_path / "curve.csv")
+    columns = set(curve[0]) - {"step"}
+    assert set(events.Tags()["scalars"]) == {f"train/{name}" for name in columns} | {
+        "validation/error"
+    }
+    for name in columns:
+        shown = [(one.step, one.value) for one in events.Scalars(f"train/{name}")]
+        assert [step for step, _ in shown] == [4, 8, 12, 16, 20, 24]
+        assert [value for _, value in shown] == pytest.approx(
+            [float(row[name]) for row in curve], rel=1e-6
+        )
+    assert [one.step for one in events.Scalars("validation/error")] == [6, 12, 18, 24]
+
+
+@pytest.fixture
+def cuda() -> str:
+    if not torch.cuda.is_available():
+        pytest.skip("there is no CUDA device")
+    return "cuda"
+
+
+@pytest.mark.gpu
+@pytest.mark.parametrize("mixed", [False, True])
+def test_it_learns_on_cuda_and_goes_on(tmp_path, cuda, mixed):
+    def on_cuda(folder, settings, **problem):
+        made = Problem()
+        made.network.to(cuda)
+        made.breaks_at = problem.get("breaks_at", -1)
+        return made, train(
+            made.network, made.loss, made.source, settings, folder, validate=None, device=cuda
+        )
+
+    values = {"steps": 60, "learning_rate": 1e-2, "mixed_precision": mixed, "schedule": "constant"}
+    settings = set_values([SETTINGS], values)[0]
+    with pytest.raises(TrainingFailed, match=r"step 44: loss term 'size' is nan"):
+        on_cuda(tmp_path, settings, breaks_at=44)
+    made, report = on_cuda(tmp_path, settings)
+    assert report.resumed_from == 42
+    assert made.network[0].weight.is_cuda
+    curve = read_curve(tmp_path / "curve.csv")
+    assert [int(row["step"]) for row in curve] == list(range(4, 61, 4))
+    assert float(curve[-1]["error"]) < 0.8 * float(curve[0]["error"])
+    assert all(math.isfinite(float(value)) for row in curve for value in row.values())
+    assert (
+        read_checkpoint(list_checkpoints(tmp_path / "checkpoints")[-1])["scaler"] != {}
+    ) == mixed
+    whole, _ = on_cuda(tmp_path / "whole", settings)
+    for key, value in whole.network.state_dict().items():
+        torch.testing.assert_close(
+            made.network.state_dict()[key], value, rtol=0.02, atol=0.02, msg=key
+        )
+
+
+@pytest.mark.gpu
+def test_gradients_that_stay_infinite_stop_mixed_precision(tmp_path, cuda):
+    problem = Problem()
+    problem.network.to(cuda)
+
+    def loss(batch):
+        x = problem.network(batch["x"])
+        return {"root": torch.sqrt((0 * x).abs()).sum()}  # finite, its gradient is not
+
+    settings = set_values([SETTINGS], {"mixed_precision": True, "steps": 60})[0]
+    with pytest.raises(TrainingFailed, match="the gradient's norm is nan"):
+        train(problem.network, loss, problem.source, settings, tmp_path, device=cuda)
 
 
 def test_weights_are_safetensors_that_the_zoo_reads(tmp_path):
