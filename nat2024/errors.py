@@ -86,9 +86,21 @@ class WrongNetwork(WeightsMismatch):
     entries: frozenset[str] = frozenset()
 
 
+class BackendMismatch(NatBenchError):
+    """A runtime that cannot run a network, or gives other numbers than PyTorch."""
+
+
 class ResultConflict(NatBenchError):
     """A results folder that was made with other options, weights or scope."""
 
 
 class TrainingFailed(NatBenchError):
     """A training whose numbers are no longer finite; its last good checkpoint is kept."""
+
+
+class TimedOut(NatBenchError):
+    """A sequence that took a tracker longer than it may."""
+
+
+class ClusterFailed(NatBenchError):
+    """A cluster that cannot be had, is gone, or whose workers cannot do the work."""

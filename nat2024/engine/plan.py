@@ -5,6 +5,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
+from nat2024.engine.sharing import SharedFrames
 from nat2024.engine.timing import TimedEnhancer
 from nat2024.errors import UsageError
 from nat2024.interfaces import Enhancer, Scope, Tracker
@@ -73,18 +74,25 @@ class Combination:
 
     def create(self) -> tuple[Tracker, Enhancer | None]:
         """A fresh tracker, and the enhancer that it uses through a `TimedEnhancer`."""
-        enhancer = timed = None
-        if self.enhancer is not None:
-            spec = self.enhancer
-            enhancer = create_enhancer(
-                spec.name, weights=spec.weights, device=self.device, **spec.options
-            )
-            timed = TimedEnhancer(enhancer, self.device)
+        enhancer = self.create_enhancer()
+        return self.create_tracker(enhancer), enhancer
+
+    def create_enhancer(self) -> Enhancer | None:
+        """A fresh enhancer, None where there is none."""
+        spec = self.enhancer
+        if spec is None:
+            return None
+        return create_enhancer(spec.name, weights=spec.weights, device=self.device, **spec.options)
+
+    def create_tracker(
+        self, enhancer: Enhancer | None, shared: SharedFrames | None = None
+    ) -> Tracker:
+        """A fresh tracker over an enhancer and the frames that it shares with others."""
+        timed = None if enhancer is None else TimedEnhancer(enhancer, self.device, shared)
         spec = self.tracker
-        tracker = create_tracker(
+        return create_tracker(
             spec.name, weights=spec.weights, enhancer=timed, device=self.device, **spec.options
         )
-        return tracker, enhancer
 
 
 def combine(
@@ -179,6 +187,7 @@ def describe(
     dataset: DatasetRecord,
     threads: int,
     on_bad_frame: OnBadFrame = "error",
+    batch: int = 1,
 ) -> Manifest:
     """The manifest of a created combination."""
     record = None
@@ -192,6 +201,7 @@ def describe(
         device=combination.device.partition(":")[0],
         threads=threads,
         on_bad_frame=on_bad_frame,
+        batch=batch,
         repeatable=tracker.card.repeatable and (record is None or record.repeatable),
     )
 
@@ -210,6 +220,22 @@ def plugin_record(spec: PluginSpec, plugin: Tracker | Enhancer) -> PluginRecord:
         weights=_weights_record(plugin.weights),
         repeatable=plugin.card.repeatable,
     )
+
+
+def untouched_options(
+    combination: Combination, tracker: Tracker, enhancer: Enhancer | None
+) -> frozenset[tuple[str, str]]:
+    """(`NAME[@LABEL]`, option) of all options of a created combination at their defaults."""
+    found = set()
+    for spec, plugin in ((combination.tracker, tracker), (combination.enhancer, enhancer)):
+        if spec is None or plugin is None:
+            continue
+        usual = resolve_options(type(plugin), {})
+        implied = plugin.weights.options if plugin.weights else {}
+        for key, value in resolve_options(type(plugin), {**implied, **spec.options}).items():
+            if value == usual[key]:
+                found.add((spec.title, key))
+    return frozenset(found)
 
 
 def _weights_record(weights: Weights | None) -> WeightsRecord | None:

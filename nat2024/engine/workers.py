@@ -1,84 +1,52 @@
-"""Where sequences are tracked: in this process, or in spawned worker processes."""
+"""Where units of work run: in this process, or in spawned worker processes.
+
+Workers compute and tell their parent what came out, which alone writes it. A worker that dies, or
+hangs, costs nothing but time: its unit is tried again, one job at a time, so that only a guilty
+job fails. Workers end with their parent, however that ends.
+"""
 
 import contextlib
 import multiprocessing
+import os
 import signal
 import threading
-from collections.abc import Callable, Generator, Iterator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass
-from functools import partial
-from typing import Any, TypeAlias
+import time
+from collections import Counter, deque
+from collections.abc import Generator, Iterator, Sequence
+from dataclasses import dataclass, field
+from multiprocessing import connection as connections
+from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
+from typing import Any
 
-from nat2024 import types
-from nat2024.datasets.prefetch import AHEAD
-from nat2024.engine.one_pass import FrameCallback, track_sequence
-from nat2024.engine.plan import Combination
-from nat2024.errors import NatBenchError
-from nat2024.interfaces import Tracker
+from nat2024.engine.reporting import Throttled
+from nat2024.engine.units import Job, Outcome, Progress, Trackers, Unit, run_unit
+from nat2024.errors import NatBenchError, UsageError
 from nat2024.registry import load_plugin_file
-from nat2024.store import OnBadFrame, RunFolder
 
-Progress: TypeAlias = Callable[[int, str], Any]
-"""Called with the frames done since the last call, and what they belong to."""
+DIED = "its worker process died (out of memory or a crashed library)"
 
-
-@dataclass(frozen=True, slots=True)
-class Job:
-    """One sequence of one combination, how it is read, and where its result goes."""
-
-    combination: Combination
-    sequence: types.Sequence
-    folder: str
-    on_bad_frame: OnBadFrame = "error"
-    ahead: int = AHEAD
-
-    @property
-    def title(self) -> str:
-        """Run and sequence, for people."""
-        return f"{self.combination.run}, {self.sequence.name}"
+_TELL_SECONDS = 0.1
+_GRACE_SECONDS = 2.0  # between two words of a worker, over what a frame may take
+_FALSE_STARTS = 5
+_THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
-    """What became of a job; `reason` is empty where its result is stored."""
+class Setting:
+    """What workers share.
 
-    job: Job
-    reason: str = ""
+    Attributes:
+        threads: computing threads of each.
+        plugins: plugin files to load in each.
+        retries: how often a job is tried again whose worker died.
+        timeout: seconds that a tracker may take for a sequence, so also for one frame.
+    """
 
-
-class Trackers:
-    """Created trackers, kept so that a network is built once for all sequences of a run."""
-
-    def __init__(self) -> None:
-        self._made: dict[str, Tracker] = {}
-
-    def get(self, combination: Combination) -> Tracker:
-        """The tracker of a combination."""
-        if combination.run not in self._made:
-            self._made[combination.run], _ = combination.create()
-        return self._made[combination.run]
-
-    def keep(self, combination: Combination, tracker: Tracker) -> None:
-        """Use a tracker that has been created already."""
-        self._made[combination.run] = tracker
-
-
-def run_job(job: Job, trackers: Trackers, on_frame: FrameCallback | None = None) -> Outcome:
-    """Track one sequence and store its result; a failure is told, never raised."""
-    try:
-        track = track_sequence(
-            trackers.get(job.combination),
-            job.sequence,
-            on_frame,
-            on_bad_frame=job.on_bad_frame,
-            ahead=job.ahead,
-        )
-        RunFolder(job.folder).write(job.sequence.name, track)
-    except (NatBenchError, OSError) as error:
-        return Outcome(job, str(error))
-    return Outcome(job)
+    threads: int = 1
+    plugins: tuple[str, ...] = ()
+    retries: int = 2
+    timeout: float | None = None
 
 
 @contextlib.contextmanager
@@ -98,79 +66,200 @@ def computing_threads(count: int) -> Iterator[None]:
 
 
 def run_in_process(
-    jobs: Sequence[Job], trackers: Trackers, progress: Progress
+    units: Sequence[Unit], trackers: Trackers, progress: Progress
 ) -> Iterator[Outcome]:
-    """Run jobs one after another in this process."""
-    for job in jobs:
-        yield run_job(job, trackers, partial(progress, 1, job.title))
+    """Run units one after another in this process."""
+    for unit in units:
+        yield from run_unit(unit, trackers, progress)
 
 
 def run_in_workers(
-    jobs: Sequence[Job],
-    workers: int,
-    threads: int,
-    plugins: tuple[str, ...],
-    progress: Progress,
+    units: Sequence[Unit], workers: int, setting: Setting, progress: Progress
 ) -> Iterator[Outcome]:
-    """Run jobs in spawned worker processes, each with its own trackers.
+    """Run units in spawned worker processes, each with its own trackers, the first units first.
 
-    A worker that dies breaks the whole pool. The jobs that it may have been on are then run one
-    by one, so that only the guilty one fails, and the others go into a new pool.
+    With several CUDA devices, and trackers that ask for any, workers take them in turn.
+
+    Raises:
+        NatBenchError: workers cannot start.
+    """
+    crew = _Crew(units, workers, setting, progress)
+    try:
+        yield from crew.work()
+    finally:
+        crew.end()
+
+
+@dataclass(slots=True, eq=False)
+class _Worker:
+    """A worker process as its parent sees it."""
+
+    process: BaseProcess
+    wire: Connection
+    device: str
+    unit: Unit | None = None
+    pending: set[Job] = field(default_factory=set)
+    is_ready: bool = False
+    heard: float = 0.0
+
+
+class _Crew:
+    """Worker processes and what they have to do."""
+
+    def __init__(
+        self, units: Sequence[Unit], workers: int, setting: Setting, progress: Progress
+    ) -> None:
+        self._waiting = deque(units)
+        self._setting, self._progress = setting, progress
+        self._tries: Counter[Job] = Counter()
+        self._false_starts = 0
+        devices = _devices(units)
+        self._places = [devices[number % len(devices)] for number in range(workers)]
+        self._workers: list[_Worker] = []
+
+    def work(self) -> Iterator[Outcome]:
+        """Run everything."""
+        while self._waiting or any(worker.unit for worker in self._workers):
+            self._staff()
+            yield from self._hand_out()
+            for worker in self._heard():
+                yield from self._listen(worker)
+            yield from self._end_the_stuck()
+
+    def end(self) -> None:
+        """End all workers; nobody waits for what they are still doing."""
+        for worker in self._workers:
+            worker.process.kill()
+        for worker in self._workers:
+            worker.process.join()
+            worker.wire.close()
+
+    def _staff(self) -> None:
+        """As many workers as there are places, while there is something for each of them."""
+        busy = sum(worker.unit is not None for worker in self._workers)
+        wanted = min(len(self._places), busy + len(self._waiting))
+        taken = [worker.device for worker in self._workers]
+        free = list(self._places)
+        for device in taken:
+            free.remove(device)
+        with born_deaf_to_interrupts(), _thread_variables(self._setting.threads):
+            while len(self._workers) < wanted:
+                self._workers.append(_start(free.pop(0), self._setting))
+
+    def _hand_out(self) -> Iterator[Outcome]:
+        for worker in list(self._workers):
+            if worker.is_ready and worker.unit is None and self._waiting:
+                unit = self._waiting.popleft()
+                worker.unit, worker.pending = unit, set(unit.jobs)
+                worker.heard = float("inf")  # until its trackers are built
+                try:
+                    worker.wire.send(unit.on_device(worker.device) if worker.device else unit)
+                except OSError:
+                    yield from self._bury(worker, DIED)
+
+    def _heard(self) -> list[_Worker]:
+        """Workers that have something to tell, their death included; waits for the first."""
+        seconds = None
+        if self._setting.timeout is not None:
+            seconds = min(1.0, self._setting.timeout / 4)
+        wires: dict[Any, _Worker] = {worker.wire: worker for worker in self._workers}
+        return [wires[wire] for wire in connections.wait(list(wires), seconds)]
+
+    def _listen(self, worker: _Worker) -> Iterator[Outcome]:
+        try:
+            while worker.wire.poll():
+                word, content = worker.wire.recv()
+                worker.heard = max(worker.heard, time.monotonic())
+                yield from self._take(worker, word, content)
+        except (EOFError, OSError):
+            yield from self._bury(worker, DIED)
+
+    def _take(self, worker: _Worker, word: str, content: Any) -> Iterator[Outcome]:
+        if word == "frames":
+            worker.heard = time.monotonic()
+            self._progress(*content)
+        elif word == "outcome":
+            worker.pending.discard((content.run, content.sequence))
+            yield content
+        elif word == "unfit":
+            raise NatBenchError(content)
+        else:  # ready for the next unit
+            worker.is_ready, worker.unit = True, None
+            self._false_starts = 0
+
+    def _end_the_stuck(self) -> Iterator[Outcome]:
+        limit = self._setting.timeout
+        if limit is None:
+            return
+        for worker in list(self._workers):
+            silent = time.monotonic() - worker.heard
+            if worker.unit is not None and silent > limit + _GRACE_SECONDS:
+                worker.process.kill()
+                yield from self._bury(worker, f"one frame took longer than {limit:g} s")
+
+    def _bury(self, worker: _Worker, reason: str) -> Iterator[Outcome]:
+        """See to what a worker that is no more has left undone."""
+        self._workers.remove(worker)
+        worker.process.kill()
+        worker.process.join()
+        worker.wire.close()
+        if worker.unit is None:
+            self._false_starts += not worker.is_ready
+            if self._false_starts >= _FALSE_STARTS:
+                msg = f"worker processes die as they start ({_FALSE_STARTS} in a row)"
+                raise NatBenchError(msg)
+            return
+        again, failed = sort_out(worker.unit, worker.pending, self._tries, self._setting.retries)
+        self._waiting.extendleft(reversed(again))
+        for run, name in failed:
+            yield Outcome(run, name, reason=reason)
+
+
+def sort_out(
+    unit: Unit, pending: set[Job], tries: Counter[Job], retries: int
+) -> tuple[list[Unit], list[Job]]:
+    """What to do with jobs whose worker is gone: each again, by itself, or given up.
 
     Args:
-        jobs: what to do.
-        workers: number of processes.
-        threads: computing threads of each.
-        plugins: plugin files to load in each.
-        progress: told of each finished sequence.
+        unit: what the worker was on.
+        pending: jobs of it without an outcome.
+        tries: how often a worker died over each job so far; one is added here.
+        retries: how often a job is tried again.
+
+    Returns:
+        Units of one job each, and the jobs that have been tried often enough.
     """
-    waiting = list(jobs)
-    while waiting:
-        unfinished = yield from _run_pool(waiting, workers, threads, plugins, progress)
-        suspects, waiting = unfinished[:workers], unfinished[workers:]
-        for job in suspects:
-            if (yield from _run_pool([job], 1, threads, plugins, progress)):
-                yield Outcome(job, "its worker process died (out of memory or a crashed library)")
+    tries.update(pending)
+    failed = sorted(job for job in pending if tries[job] > retries)
+    return unit.singles(pending.difference(failed)), failed
 
 
-def _run_pool(
-    jobs: Sequence[Job],
-    workers: int,
-    threads: int,
-    plugins: tuple[str, ...],
-    progress: Progress,
-) -> Generator[Outcome, None, list[Job]]:
-    """Run jobs in one pool; returns those without an outcome, in order, where the pool broke."""
-    pool = ProcessPoolExecutor(
-        min(workers, len(jobs)),
-        mp_context=multiprocessing.get_context("spawn"),
-        initializer=_start_worker,
-        initargs=(threads, plugins),
+def _devices(units: Sequence[Unit]) -> list[str]:
+    """Devices that workers take in turn; empty text where trackers name their own."""
+    if not any(c.device == "cuda" for unit in units for c in unit.combinations):
+        return [""]
+    import torch
+
+    return [f"cuda:{number}" for number in range(torch.cuda.device_count())]
+
+
+def _start(device: str, setting: Setting) -> _Worker:
+    context = multiprocessing.get_context("spawn")
+    ours, theirs = context.Pipe()
+    process = context.Process(
+        target=_work, args=(theirs, setting), name="nat2024 worker", daemon=True
     )
-    done: set[int] = set()
-    before = set(multiprocessing.active_children())
     try:
-        futures: dict[Future[Outcome], int] = {}
-        with contextlib.suppress(BrokenProcessPool), _born_deaf_to_interrupts():
-            for number, job in enumerate(jobs):
-                futures[pool.submit(_run_in_worker, job)] = number
-        for future in as_completed(futures):
-            with contextlib.suppress(BrokenProcessPool):
-                outcome = future.result()
-                done.add(futures[future])
-                progress(len(outcome.job.sequence), outcome.job.title)
-                yield outcome
-    except BaseException:  # stopped from outside: nobody waits for what is still running
-        pool.shutdown(wait=False, cancel_futures=True)
-        for worker in set(multiprocessing.active_children()) - before:
-            worker.terminate()
-        raise
-    pool.shutdown()
-    return [job for number, job in enumerate(jobs) if number not in done]
+        process.start()
+    except OSError as error:
+        msg = f"a worker process cannot be started ({error.strerror or error})"
+        raise UsageError(msg) from None
+    theirs.close()  # so that its end tells ours
+    return _Worker(process, ours, device)
 
 
 @contextlib.contextmanager
-def _born_deaf_to_interrupts() -> Iterator[None]:
+def born_deaf_to_interrupts() -> Iterator[None]:
     """Processes that are started here ignore Ctrl-C: stopping them is their parent's business."""
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -182,18 +271,53 @@ def _born_deaf_to_interrupts() -> Iterator[None]:
         signal.signal(signal.SIGINT, handler)
 
 
-_worker_trackers = Trackers()
+@contextlib.contextmanager
+def _thread_variables(count: int) -> Generator[None]:
+    """Libraries of linear algebra read these once, when a process loads them."""
+    before = {name: os.environ.get(name) for name in _THREAD_VARIABLES}
+    os.environ.update(dict.fromkeys(_THREAD_VARIABLES, str(count)))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
 
 
-def _start_worker(threads: int, plugins: tuple[str, ...]) -> None:
+def prepare_process(setting: Setting) -> None:
+    """Fix the computing threads of this thread of this process, and load plugin files."""
     import cv2
     import torch
 
-    torch.set_num_threads(threads)
-    cv2.setNumThreads(threads)
-    for source in plugins:
+    torch.set_num_threads(setting.threads)
+    cv2.setNumThreads(setting.threads)
+    for source in setting.plugins:
         load_plugin_file(source)
 
 
-def _run_in_worker(job: Job) -> Outcome:
-    return run_job(job, _worker_trackers)
+def _work(wire: Connection, setting: Setting) -> None:
+    """What a worker process does: units, one after another, until its parent ends it."""
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    try:
+        prepare_process(setting)
+    except NatBenchError as error:
+        wire.send(("unfit", str(error)))
+        return
+    trackers = Trackers()
+    progress = Throttled(lambda *done: wire.send(("frames", done)), _TELL_SECONDS)
+    with contextlib.suppress(EOFError, BrokenPipeError):  # there is nobody to work for any more
+        while True:
+            wire.send(("ready", None))
+            unit = wire.recv()
+            for outcome in run_unit(unit, trackers, progress):
+                progress.flush()
+                wire.send(("outcome", outcome))
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+    os._exit(1)

@@ -26,13 +26,8 @@ from nat2024.store.manifests import (
     run_name,
     split_run_name,
 )
-from nat2024.store.runs import (
-    STAGES,
-    Run,
-    RunFolder,
-    Track,
-    open_run,
-)
+from nat2024.store.opening import open_run, setting_differences
+from nat2024.store.runs import STAGES, Run, RunFolder, Track
 from nat2024.store.sources import (
     check_results,
     dataset_folder,
@@ -60,5 +55,6 @@ __all__ = [
     "list_runs",
     "open_run",
     "run_name",
+    "setting_differences",
     "split_run_name",
 ]

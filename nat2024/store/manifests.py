@@ -58,12 +58,27 @@ class DatasetRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Session(msgspec.Struct, forbid_unknown_fields=True):
-    """One call of the engine that worked on a run."""
+    """One call of the engine that worked on a run.
+
+    Attributes:
+        started: when, in UTC.
+        finished: when; empty where it was killed or is still at it.
+        workers: number of processes.
+        read_ahead: frames decoded ahead.
+        together: combinations that shared decoded frames, at most.
+        cluster: kind or address of the cluster, empty for one machine.
+        process: tells this call from all others.
+        versions: of what results depend on.
+        machine: where it ran.
+    """
 
     started: str
     finished: str = ""
     workers: int = 1
     read_ahead: int = 0
+    together: int = 1
+    cluster: str = ""
+    process: str = ""
     versions: dict[str, str] = {}
     machine: dict[str, str] = {}
 
@@ -99,6 +114,7 @@ class Manifest(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
         device: "cpu" or "cuda".
         threads: computing threads of each worker.
         on_bad_frame: "error", or "skip": frames that cannot be read repeat the last box.
+        batch: sequences that advance in one forward.
         repeatable: whether the same run gives the same bytes again.
         sessions: every call that worked on it.
         failures: reason by sequence, for those that have no result.
@@ -117,6 +133,7 @@ class Manifest(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
     device: str = "cpu"
     threads: int = 1
     on_bad_frame: OnBadFrame = "error"
+    batch: int = 1
     repeatable: bool = True
     sessions: list[Session] = []
     failures: dict[str, str] = {}

@@ -1,8 +1,11 @@
 """Run folders, and what evaluation needs of a run from anywhere."""
 
+import contextlib
+import os
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 import msgspec
 import numpy as np
@@ -188,6 +191,23 @@ class RunFolder:
                 found[path.stem] = _read_numbers(path)
         return found
 
+    @contextlib.contextmanager
+    def alone(self) -> Iterator[None]:
+        """Let no other process that asks for the same change the manifest meanwhile.
+
+        The lock is the operating system's, on the folder itself, and ends with the process; file
+        systems without such locks have none.
+        """
+        self.path.mkdir(parents=True, exist_ok=True)
+        with contextlib.ExitStack() as stack:
+            with contextlib.suppress(ImportError, OSError):
+                import fcntl
+
+                folder = os.open(self.path, os.O_RDONLY)
+                stack.callback(os.close, folder)
+                fcntl.flock(folder, fcntl.LOCK_EX)
+            yield
+
     def clean(self) -> None:
         """Remove what killed processes have left half written."""
         for folder in (self.path, self.path / "time", self.path / "skipped"):
@@ -243,59 +263,6 @@ class RunFolder:
             frames_per_second=round(1 / busy, 3) if busy else 0.0,
             end_to_end_frames_per_second=round(1 / (busy + read), 3) if busy + read else 0.0,
         )
-
-
-def open_run(folder: RunFolder, wanted: Manifest) -> Manifest:
-    """The stored manifest if it agrees with `wanted`, else `wanted` for a new folder.
-
-    Raises:
-        ResultConflict: the folder was made with other options, weights, scope, device or threads
-            (says which), or holds results without a manifest.
-    """
-    stored = folder.manifest()
-    if stored is None:
-        if folder.path.is_dir() and folder.finished():
-            msg = f"{folder.path}: holds results without run.json; choose another --results folder"
-            raise ResultConflict(msg)
-        return wanted
-    differences = _differences(stored, wanted)
-    if differences:
-        msg = (
-            f"{folder.path} was made with other settings: {'; '.join(differences)}; "
-            f"give this run a label ({wanted.tracker.name}@LABEL) or another --results folder"
-        )
-        raise ResultConflict(msg)
-    return stored
-
-
-def _differences(stored: Manifest, wanted: Manifest) -> list[str]:
-    old, new = _identity(stored), _identity(wanted)
-    return [
-        f"{key} {old.get(key, 'unset')} (now {new.get(key, 'unset')})"
-        for key in sorted({*old, *new})
-        if old.get(key) != new.get(key)
-    ]
-
-
-def _identity(manifest: Manifest) -> dict[str, Any]:
-    """What two calls must share to work on one run folder."""
-    identity: dict[str, Any] = {
-        "device": manifest.device,
-        "threads": manifest.threads,
-        "on_bad_frame": manifest.on_bad_frame,
-    }
-    if manifest.enhancer:
-        identity["scope"] = manifest.scope
-    for record in (manifest.tracker, manifest.enhancer):
-        if record is None:
-            continue
-        for key, value in record.options.items():
-            if key != "scope":
-                identity[f"{record.title}.{key}"] = value
-        if record.weights:
-            digest = record.weights.sha256[:12] or record.weights.origin
-            identity[f"weights of {record.title}"] = digest
-    return identity
 
 
 def _read_numbers(path: Path) -> list[int]:

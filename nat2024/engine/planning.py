@@ -1,0 +1,106 @@
+"""Which units of work there are, and in which order: sequences shared, load balanced."""
+
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import pairwise
+from operator import attrgetter
+
+from nat2024 import types
+from nat2024.engine.lockstep import Reading
+from nat2024.engine.plan import Combination
+from nat2024.engine.units import Unit
+from nat2024.errors import UsageError
+from nat2024.types import Dataset
+
+TOGETHER = 12
+"""Combinations that share decoded frames at most: with more, a kill would lose more than is won."""
+
+_UNITS_A_WORKER = 4  # enough small ones at the end that no worker waits long for the last
+
+
+def plan_units(
+    missing: Mapping[str, Sequence[Combination]],
+    dataset: Dataset,
+    reading: Reading,
+    *,
+    batches: Mapping[str, int],
+    workers: int = 1,
+) -> list[Unit]:
+    """Put jobs together into units.
+
+    A sequence goes through all its missing combinations at once, so that it is decoded once; with
+    several workers it is split by combinations until no unit is so large that others would wait
+    for it at the end, and the longest go first.
+
+    Args:
+        missing: by sequence, the combinations that have no result for it.
+        dataset: the sequences.
+        reading: how frames are read.
+        batches: by run, how many sequences advance at once.
+        workers: how many units run at a time.
+    """
+    groups: dict[tuple[int, tuple[str, ...]], list[types.Sequence]] = defaultdict(list)
+    combinations = {c.run: c for some in missing.values() for c in some}
+    for sequence in dataset:
+        by_width: dict[int, list[str]] = defaultdict(list)
+        for combination in missing.get(sequence.name, ()):
+            by_width[batches[combination.run]].append(combination.run)
+        for width, runs in by_width.items():
+            groups[width, tuple(runs)].append(sequence)
+    chunks = [
+        ([combinations[run] for run in runs], chunk)
+        for (width, runs), sequences in groups.items()
+        for chunk in _chunks(sequences, width)
+    ]
+    total = sum(len(runs) * sum(map(len, chunk)) for runs, chunk in chunks)
+    largest = total / (workers * _UNITS_A_WORKER) if workers > 1 else float("inf")
+    units = [
+        Unit(tuple(part), tuple(chunk), reading)
+        for runs, chunk in chunks
+        for part in _parts(runs, largest / max(1, sum(map(len, chunk))))
+    ]
+    if workers > 1:
+        return sorted(units, key=attrgetter("frames"), reverse=True)
+    place = {sequence.name: number for number, sequence in enumerate(dataset)}
+    return sorted(units, key=lambda unit: place[unit.sequences[0].name])
+
+
+def _chunks(sequences: list[types.Sequence], width: int) -> Iterable[list[types.Sequence]]:
+    """At most `width` sequences each, of like lengths where there are several."""
+    if width > 1:
+        sequences = sorted(sequences, key=len, reverse=True)
+    return [sequences[start : start + width] for start in range(0, len(sequences), width)]
+
+
+def _parts(combinations: list[Combination], room: float) -> Iterable[list[Combination]]:
+    """Combinations in even parts of `room` at most; those with one enhancer stay side by side."""
+    ordered = sorted(combinations, key=lambda c: c.enhancer.title if c.enhancer else "")
+    count = -(-len(ordered) // max(1, min(TOGETHER, int(min(room, TOGETHER)))))
+    bounds = [len(ordered) * part // count for part in range(count + 1)]
+    return [ordered[start:end] for start, end in pairwise(bounds)]
+
+
+def shard(dataset: Dataset, number: int, count: int) -> Dataset:
+    """One of `count` parts of a dataset, of like numbers of frames; the same on every machine.
+
+    Args:
+        dataset: the sequences.
+        number: which part, from 1 to `count`.
+        count: how many parts; at most as many as there are sequences.
+
+    Raises:
+        UsageError: there is no such part.
+    """
+    if not 1 <= number <= count:
+        msg = f"shard {number}/{count}: expected I/N with I from 1 to N"
+        raise UsageError(msg)
+    if count > len(dataset):
+        msg = f"shard {number}/{count}: {dataset.name} has only {len(dataset)} sequences"
+        raise UsageError(msg)
+    parts: list[list[str]] = [[] for _ in range(count)]
+    frames = [0] * count
+    for sequence in sorted(dataset, key=lambda s: (-len(s), s.name)):
+        lightest = min(range(count), key=lambda part: (frames[part], len(parts[part])))
+        parts[lightest].append(sequence.name)
+        frames[lightest] += len(sequence)
+    return dataset.select(parts[number - 1])

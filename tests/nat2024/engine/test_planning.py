@@ -1,0 +1,122 @@
+"""Units of work: every job once, balanced, longest first; shards likewise."""
+
+from collections import Counter
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from nat2024.engine import shard
+from nat2024.engine.lockstep import Reading
+from nat2024.engine.plan import Combination, PluginSpec
+from nat2024.engine.planning import TOGETHER, plan_units
+from nat2024.errors import UsageError
+from nat2024.types import Dataset, Sequence
+
+
+def dataset(*lengths: int) -> Dataset:
+    return Dataset(
+        "clip",
+        tuple(
+            Sequence(f"s{number:03d}", [None] * length, np.ones((length, 4)))  # type: ignore[arg-type]
+            for number, length in enumerate(lengths)
+        ),
+    )
+
+
+def product(trackers: int, enhancers: int) -> list[Combination]:
+    return [
+        Combination(PluginSpec(f"t{t}"), PluginSpec(f"e{e}") if e else None)
+        for t in range(trackers)
+        for e in range(enhancers)
+    ]
+
+
+def plan(data: Dataset, runs: list[Combination], **how: Any) -> Any:
+    missing = how.pop("missing", {s.name: runs for s in data})
+    batches = how.pop("batches", {c.run: 1 for c in runs})
+    return plan_units(missing, data, Reading(), batches=batches, **how)
+
+
+@given(
+    st.lists(st.integers(1, 500), min_size=1, max_size=9),
+    st.integers(1, 4),
+    st.integers(1, 5),
+    st.integers(1, 20),
+    st.integers(1, 4),
+    st.randoms(use_true_random=False),
+)
+def test_every_missing_job_is_in_one_unit(
+    lengths: list[int], trackers: int, enhancers: int, workers: int, batch: int, random: Any
+) -> None:
+    data, runs = dataset(*lengths), product(trackers, enhancers)
+    missing = {s.name: [c for c in runs if random.random() < 0.7] for s in data}
+    batches = {c.run: random.choice([1, batch]) for c in runs}
+    units = plan(data, runs, missing=missing, batches=batches, workers=workers)
+    jobs = Counter(job for unit in units for job in unit.jobs)
+    assert jobs == Counter((c.run, name) for name, some in missing.items() for c in some)
+    for unit in units:
+        assert len(unit.combinations) <= TOGETHER
+        assert len(unit.sequences) <= min(batches[c.run] for c in unit.combinations)
+
+
+def test_one_process_decodes_each_sequence_once_in_order() -> None:
+    units = plan(dataset(5, 90, 20), product(3, 4))
+    assert [[s.name for s in unit.sequences] for unit in units] == [["s000"], ["s001"], ["s002"]]
+    assert all(len(unit.combinations) == 12 for unit in units)
+
+
+def test_more_combinations_than_may_go_together_are_split_evenly_by_enhancer() -> None:
+    (first, second) = plan(dataset(5), product(2, 10))
+    assert len(first.combinations) == len(second.combinations) == 10
+    for unit in (first, second):
+        names = [c.enhancer.title if c.enhancer else "" for c in unit.combinations]
+        assert names == sorted(names)
+        assert set(Counter(names).values()) == {2}
+
+
+@pytest.mark.parametrize("workers", [2, 8, 64])
+def test_the_longest_go_first_and_nobody_waits_long(workers: int) -> None:
+    lengths = [3000, 2500, 700, 650, 600, 500, 300, 280, 120, 90]
+    units = plan(dataset(*lengths), product(5, 11), workers=workers)
+    sizes = [unit.frames for unit in units]
+    assert sizes == sorted(sizes, reverse=True)
+    ends = [0.0] * workers
+    for size in sizes:  # each worker takes the next unit as soon as it is free
+        ends[ends.index(min(ends))] += size
+    ideal = max(sum(sizes) / workers, max(lengths))  # no sequence of a combination can be split
+    assert max(ends) <= 1.3 * ideal
+
+
+def test_batches_are_of_like_lengths() -> None:
+    runs = product(1, 1)
+    units = plan(dataset(10, 900, 12, 880, 11), runs, batches={"t0": 2})
+    names = {frozenset(s.name for s in unit.sequences) for unit in units}
+    assert names == {frozenset({"s001", "s003"}), frozenset({"s002", "s004"}), frozenset({"s000"})}
+
+
+@given(st.lists(st.integers(1, 3000), min_size=1, max_size=40), st.integers(1, 40))
+def test_shards_are_disjoint_whole_and_balanced(lengths: list[int], count: int) -> None:
+    data, count = dataset(*lengths), min(count, len(lengths))
+    parts = [shard(data, number + 1, count) for number in range(count)]
+    names = [s.name for part in parts for s in part]
+    assert sorted(names) == [s.name for s in data]
+    frames = [sum(map(len, part)) for part in parts]
+    assert max(frames) - min(frames) <= max(lengths)
+    assert all(len(part) for part in parts)
+
+
+def test_shards_do_not_depend_on_the_order_of_sequences() -> None:
+    data = dataset(5, 5, 7, 7, 9, 1)
+    turned = Dataset("clip", data.sequences[::-1])
+    for number in (1, 2, 3):
+        one, other = shard(data, number, 3), shard(turned, number, 3)
+        assert {s.name for s in one} == {s.name for s in other}
+
+
+@pytest.mark.parametrize(("number", "count"), [(0, 3), (4, 3), (1, 0), (1, 7)])
+def test_shards_that_there_are_not(number: int, count: int) -> None:
+    with pytest.raises(UsageError, match=f"shard {number}/{count}"):
+        shard(dataset(1, 2, 3, 4, 5, 6), number, count)
