@@ -9,6 +9,8 @@ from nat2024.types import Floats
 
 BEST, WORST, FIRST_LOSS = "best", "worst", "first loss"
 GAIN, HARM = "largest gain", "largest harm"
+PRIORITY = (GAIN, FIRST_LOSS, HARM, WORST, BEST)
+"""Reasons, what tells most first."""
 
 _WINDOW = 9  # frames that are averaged, so that one lucky frame is not picked
 _NEAR = 3  # moments this close to each other are one
@@ -106,12 +108,18 @@ def _first_loss(first_losses: Mapping[str, int | None]) -> list[Moment]:
 
 
 def _merged(moments: Iterable[Moment]) -> list[Moment]:
+    """Moments in order; of two near each other that are about different runs the weaker goes."""
     merged: list[Moment] = []
-    for moment in sorted(moments, key=lambda moment: (moment.row, moment.reasons)):
-        if merged and moment.row - merged[-1].row <= _NEAR:
-            last = merged[-1]
-            reasons = tuple(dict.fromkeys((*last.reasons, *moment.reasons)))
-            merged[-1] = Moment(last.row, reasons, last.run or moment.run)
-        else:
+    for moment in sorted(moments, key=_rank):
+        near = [i for i, other in enumerate(merged) if abs(other.row - moment.row) <= _NEAR]
+        if not near:
             merged.append(moment)
-    return merged
+            continue
+        other = merged[near[0]]
+        if not moment.run or moment.run == other.run:
+            merged[near[0]] = Moment(other.row, (*other.reasons, *moment.reasons), other.run)
+    return sorted(merged, key=lambda moment: moment.row)
+
+
+def _rank(moment: Moment) -> int:
+    return PRIORITY.index(moment.reasons[0])

@@ -49,7 +49,8 @@ digest of all that it was made from (frame file, truth, boxes, options and weigh
 version of the computation). So it is never stale, and may be deleted at any time.
 """
 
-from nat2024.evidence.gathering import gather
+from nat2024.evidence.enhancers import make_again
+from nat2024.evidence.gathering import gather, telling_frames
 from nat2024.evidence.records import (
     Evidence,
     LossEvidence,
@@ -65,4 +66,6 @@ __all__ = [
     "Thumbnail",
     "TrackEvidence",
     "gather",
+    "make_again",
+    "telling_frames",
 ]

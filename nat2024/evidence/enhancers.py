@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from nat2024.zoo.weights import WeightsSpec
 
 
-def make_again(record: PluginRecord) -> "Enhancer":
-    """The enhancer of a run, on the CPU, with equal options and weights.
+def make_again(record: PluginRecord, device: str = "cpu") -> "Enhancer":
+    """The enhancer of a run, with equal options and weights.
 
     Raises:
         WeightsMissing: the weights are no longer there, or are others.
@@ -26,13 +26,13 @@ def make_again(record: PluginRecord) -> "Enhancer":
     """
     options = {key: value for key, value in record.options.items() if value is not None}
     if record.weights is None:
-        return create_enhancer(record.name, **options)
+        return create_enhancer(record.name, device=device, **options)
     if record.weights.origin == "fresh":
         msg = f"{record.title} had fresh initial weights, which cannot be made again"
         raise WeightsMissing(msg)
     for spec in _places(record):
         try:
-            made = create_enhancer(record.name, weights=spec, **options)
+            made = create_enhancer(record.name, weights=spec, device=device, **options)
         except NatBenchError:
             continue
         if made.weights is not None and made.weights.sha256 == record.weights.sha256:

@@ -9,7 +9,7 @@ import numpy as np
 from nat2024.types import Box, Floats, Image
 from nat2024_reports.figures.looks import Look
 from nat2024_reports.framing import choose_view, cut_view, place_box
-from nat2024_reports.style import GREY, PAGE, figure_style, new_figure, plain_text
+from nat2024_reports.style import GREY, PAGE, figure_style, new_figure, plain_text, shortened
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,6 +20,7 @@ ASPECT = 4 / 3
 
 _PIXELS = 400  # width of a picture, for a print of 300 dots an inch
 _GAP = 0.03  # inches between pictures
+_LETTERS = 29  # of the name of a run over a picture
 _INSET = 0.42  # width of an inset over that of its picture
 
 
@@ -33,6 +34,7 @@ class StripFrame:
         images: uint8 (H, W, 3) BGR, one a row of the strip; None where it could not be read.
         truth: x, y, w, h in pixels of the frame, None where not known.
         boxes: by run.
+        about: which run the reason is about; may be empty.
     """
 
     frame: int
@@ -40,6 +42,7 @@ class StripFrame:
     images: tuple[Image | None, ...]
     truth: Box | None = None
     boxes: Mapping[str, Box] = field(default_factory=dict)
+    about: str = ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,9 +91,9 @@ def strip_figure(
                 axes = figure.add_axes(layout.picture(row, number))
                 _draw_picture(axes, column, column.images[row], shown, shape, whole=whole)
                 if row == 0:
-                    axes.set_title(plain_text(column.reason), fontsize=6.5, pad=2.5)
+                    _head(axes, column)
                 if number == 0 and rows[row]:
-                    axes.set_ylabel(plain_text(rows[row]), fontsize=7, labelpad=2)
+                    axes.set_ylabel(plain_text(rows[row]), fontsize=7, labelpad=3)
         if title:
             figure.text(
                 layout.left, layout.title, plain_text(title), weight="bold", va="top", fontsize=8
@@ -102,6 +105,21 @@ def strip_figure(
         return figure
 
 
+def _head(axes: "Axes", column: StripFrame) -> None:
+    """Why a column is shown, and below which run it is about."""
+    lines = ((column.reason, 0.13 if column.about else 0.03, 6.5), (column.about, 0.03, 5))
+    for text, height, size in lines:
+        axes.text(
+            0.5,
+            1 + height,
+            shortened(text, _LETTERS) if text is column.about else text,
+            transform=axes.transAxes,
+            ha="center",
+            va="bottom",
+            fontsize=size,
+        )
+
+
 class _Layout:
     """Places of the parts of a strip, in parts of the figure."""
 
@@ -111,9 +129,9 @@ class _Layout:
         self._left = 0.2
         self._width = (PAGE - self._left - 0.02 - (columns - 1) * _GAP) / max(columns, 3)
         self._tall = self._width / shape
-        self.legend_columns = max(1, min(runs + 1, 4))
+        self.legend_columns = max(1, min(-(-(runs + 1) // 2), 4))
         legend = 0.16 * -(-(runs + 1) // self.legend_columns) + 0.08
-        above = (0.2 if title else 0.03) + 0.16
+        above = (0.2 if title else 0.03) + 0.25
         line = 1.05 if timeline else 0.0
         self.height = above + rows * self._tall + (rows - 1) * _GAP + legend + line
         self._first = self.height - above
@@ -122,9 +140,9 @@ class _Layout:
         bottom = self._first - rows * self._tall - (rows - 1) * _GAP
         self.legend = (bottom - 0.05) / self.height
         self.timeline = (
-            0.36 / PAGE,
+            0.42 / PAGE,
             0.3 / self.height,
-            (PAGE - 0.42) / PAGE,
+            (PAGE - 0.6) / PAGE,
             max(0.05, line - 0.38) / self.height,
         )
 
@@ -181,7 +199,7 @@ def _draw_view(
     view: Box,
     size: tuple[int, int],
     looks: Mapping[str, Look],
-    width: float = 1.1,
+    width: float = 0.9,
 ) -> None:
     axes.imshow(
         cut_view(image, view, size)[..., ::-1],
@@ -190,22 +208,22 @@ def _draw_view(
         aspect="auto",
     )
     if column.truth is not None:
-        _draw_box(axes, place_box(column.truth, view, size), "white", "-", width, "black")
+        _draw_box(axes, place_box(column.truth, view, size), "white", "-", width)
     for run, look in looks.items():
         if run in column.boxes:
             box = place_box(column.boxes[run], view, size)
             line = (0, (2.6, 1.3)) if look.is_dashed else "-"
-            _draw_box(axes, box, look.color, line, width, "white")
+            _draw_box(axes, box, look.color, line, width)
     axes.set(xlim=(0, size[0]), ylim=(size[1], 0))
 
 
-def _draw_box(axes: "Axes", box: Box, color: str, line: Any, width: float, halo: str) -> None:
+def _draw_box(axes: "Axes", box: Box, color: str, line: Any, width: float) -> None:
     from matplotlib.patches import Rectangle
 
     if not np.isfinite(box).all():
         return
     corner = (float(box[0]), float(box[1]))
-    for edge, thickness, alpha in ((halo, width + 0.9, 0.55), (color, width, 1.0)):
+    for edge, thickness, alpha in (("black", width + 0.7, 0.5), (color, width, 1.0)):
         axes.add_patch(
             Rectangle(
                 corner,
@@ -214,7 +232,7 @@ def _draw_box(axes: "Axes", box: Box, color: str, line: Any, width: float, halo:
                 fill=False,
                 edgecolor=edge,
                 linewidth=thickness,
-                linestyle=line if edge == color else "-",
+                linestyle=line,
                 alpha=alpha,
                 joinstyle="miter",
             )
@@ -231,8 +249,8 @@ def _draw_inset(
     """The region around the target, in the corner that is farthest from it."""
     assert column.truth is not None
     frame_size = (image.shape[1], image.shape[0])
-    view = choose_view(frame_size, column.truth, aspect=1.0)
-    if view[2] > 0.6 * frame_size[0]:
+    view = choose_view(frame_size, column.truth, aspect=1.0, sides=3.0)
+    if view[2] > 0.3 * frame_size[0]:
         return  # the target is large enough as it is
     side = _INSET * size[0] / max(size)
     height = side * size[0] / size[1]
@@ -243,7 +261,7 @@ def _draw_inset(
         (0.01 if is_left else 0.99 - side, 0.01 if is_low else 0.99 - height, side, height)
     )
     pixels = round(_PIXELS * side)
-    _draw_view(inset, column, image, view, (pixels, pixels), looks, width=0.9)
+    _draw_view(inset, column, image, view, (pixels, pixels), looks, width=0.8)
     inset.set(xticks=[], yticks=[])
     for spine in inset.spines.values():
         spine.set(visible=True, edgecolor="white", linewidth=0.8)

@@ -1,0 +1,1 @@
+"""Pictures of `nat-bench show`: which runs and frames, strips and videos of them."""
