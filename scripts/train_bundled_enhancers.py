@@ -204,11 +204,13 @@ used and passed on. {one.about}
   `nat2024.night.training_images`; {len(made["held_out"])} more of photographs that were held out
   served for the measures below. Record `images.json`: sha256
   `{hashlib.sha256(record).hexdigest()}`. Nothing of `night_mini`, and no frame of a
-  benchmark, was trained on; only the wanted level was set after a look at how real night images
-  come out beside the authors' weights.
+  benchmark, was trained on; only the wanted level (of dcepp the smoothness too) was set after a look
+  at how real night images come out beside the authors' weights.
 - **Recipe**: `nat-bench train {one.plugin} --preset {one.preset} {values}`; all of it again with
   `python scripts/train_bundled_enhancers.py PHOTOGRAPHS OUT --only {one.title}`.
-- **Seed**: {config["settings"]["seed"]}. **Code**: revision `{revision()}`.
+- **Seed**: {config["settings"]["seed"]}. **Code**: revision `{revision()}`, PyTorch
+  {torch_version()} on a CPU, where the same command gives the same bytes again. **Loss curves**:
+  `{one.preset}.csv`.
 
 | measure on held-out images | value |
 | --- | ---: |
@@ -225,6 +227,13 @@ where dark places are lifted more. Real images and trackers: `docs/bundled-weigh
 """
     (folder / "card.md").write_text(text, encoding="utf-8")
     return text
+
+
+def torch_version() -> str:
+    """The release of PyTorch, without what it was built for."""
+    import torch
+
+    return torch.__version__.partition("+")[0]
 
 
 def revision() -> str:

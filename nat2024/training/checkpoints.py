@@ -64,6 +64,8 @@ def read_checkpoint(path: Path) -> dict[str, Any]:
 def write_weights(path: Path, network: "nn.Module", note: Mapping[str, str] | None = None) -> None:
     """Write a network's weights as safetensors, which every `--weights` takes.
 
+    The same weights and note give the same bytes.
+
     Args:
         path: the file.
         network: on any device.
@@ -75,7 +77,16 @@ def write_weights(path: Path, network: "nn.Module", note: Mapping[str, str] | No
     from safetensors.torch import save
 
     state = {key: value.detach().cpu().contiguous() for key, value in network.state_dict().items()}
-    write_atomic(path, save(state, dict(note or {})))
+    write_atomic(path, _with_note(save(state), note or {}))
+
+
+def _with_note(raw: bytes, note: Mapping[str, str]) -> bytes:
+    """Put a note into the header; safetensors itself puts its entries there in any order."""
+    begin = 8 + int.from_bytes(raw[:8], "little")
+    header = {"__metadata__": dict(sorted(note.items()))} | json.loads(raw[8:begin])
+    text = json.dumps(header, separators=(",", ":")).encode()
+    text += b" " * (-len(text) % 8)  # data begins at a multiple of 8
+    return len(text).to_bytes(8, "little") + text + raw[begin:]
 
 
 def forget_old(folder: Path, keep: int) -> None:

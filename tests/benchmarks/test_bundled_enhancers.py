@@ -39,9 +39,13 @@ def test_gains_are_shown_as_shares_of_the_authors():
 
 
 def test_a_column_for_each_number_of_a_run():
-    lines = tracking_table([{"enhancer": "none", **ROW, "v3 clip": RUN}]).splitlines()
-    assert lines[0] == "| weights | v3 clip: AUC | v3 clip: P20 | v3 clip: distance |"
-    assert lines[2] == "| none | 0.500 | 0.750 | 4.2 |"
+    runs = {"v3 clip": {**RUN, "starts": 0.25}, "v2 clip": {**RUN, "starts": 0.125}, "v3 dark": RUN}
+    clip, dark = tracking_table([{"enhancer": "none", **ROW, **runs}]).split("\n\n")
+    columns = "AUC | v{0}: AUC of 5 starts | v{0}: P20 | v{0}: distance"
+    head = " | ".join(f"v{number}: {columns.format(number)}" for number in (3, 2))
+    assert clip.splitlines()[0] == f"| clip | {head} |"
+    assert clip.splitlines()[2].endswith("| 0.750 | 4.2 | 0.500 | 0.125 | 0.750 | 4.2 |")
+    assert dark.splitlines()[2] == "| none | 0.500 | 0.750 | 4.2 |"
 
 
 def test_what_is_done_to_images_is_measured():

@@ -446,9 +446,15 @@ def test_gradients_that_stay_infinite_stop_mixed_precision(tmp_path, cuda):
 
 def test_weights_are_safetensors_that_the_zoo_reads(tmp_path):
     problem = Problem()
-    write_weights(tmp_path / "w.safetensors", problem.network, {"steps": "3"})
+    note = {"steps": "3", "name": "network", "a": "b", "c": "d"}
+    write_weights(tmp_path / "w.safetensors", problem.network, note)
     state = read_weights(tmp_path / "w.safetensors")
     assert state.keys() == problem.network.state_dict().keys()
     header = (tmp_path / "w.safetensors").read_bytes()
     length = int.from_bytes(header[:8], "little")
-    assert json.loads(header[8 : 8 + length])["__metadata__"] == {"steps": "3"}
+    assert json.loads(header[8 : 8 + length])["__metadata__"] == note
+    written = (tmp_path / "w.safetensors").read_bytes()
+    backwards = dict(reversed(note.items()))
+    write_weights(tmp_path / "again.safetensors", problem.network, backwards)
+    assert (tmp_path / "again.safetensors").read_bytes() == written
+    assert (8 + length) % 8 == 0
