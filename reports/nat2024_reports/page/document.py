@@ -39,7 +39,6 @@ def build_page(page: Page) -> str:
         msg = "a page needs at least one dataset"
         raise ValueError(msg)
     from jinja2 import Environment, StrictUndefined
-    from markupsafe import Markup
 
     first, details = page_payload(page)
     style, script = _style(), _script()
@@ -52,17 +51,19 @@ def build_page(page: Page) -> str:
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     template = environment.from_string(_read("page.html.jinja"))
-    return template.render(
+    text = template.render(
         title=page.title,
-        policy=Markup(policy),  # digests alone, and files of this package: nothing from outside
-        style=Markup(style),
-        script=Markup(script),
+        policy=policy,
+        style=style,
+        script=script,
         data=_embedded(first),
         details={key: _embedded(detail) for key, detail in details.items()},
         tables=[_table(dataset) for dataset in page.datasets],
         remarks=first["remarks"],
         made_by=page.made_by,
     )
+    # names of files may hold what no text can: halves of surrogate pairs
+    return text.encode(errors="replace").decode()
 
 
 def _table(dataset: DatasetPart) -> dict[str, Any]:
@@ -91,15 +92,13 @@ def _text(value: float | None) -> str:
     return _MISSING if value is None else f"{value:.3f}"
 
 
-def _embedded(value: Any) -> Any:
+def _embedded(value: Any) -> str:
     """JSON that no HTML parser can mistake for the end of its element."""
-    from markupsafe import Markup
-
     text = json.dumps(value, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
     for letter in "<>&\u2028\u2029":
         text = text.replace(letter, f"\\u{ord(letter):04x}")
     # no letter is left that HTML would read
-    return Markup(text)
+    return text
 
 
 @cache

@@ -39,7 +39,7 @@ function emptyState() {
 function chooser(title, key, value, choices, changes) {
   const options = choices.map(([choice, text]) => element("option", { value: choice, selected: choice === value }, text));
   return element("label", {}, title, element("select", {
-    name: key, "data-focus": `choose-${key}`,
+    name: key, "aria-label": title, "data-focus": `choose-${key}`,
     on: { change: (event) => choose(changes ? changes(event.target.value) : { [key]: event.target.value }) },
   }, options));
 }
@@ -54,14 +54,14 @@ function subsetChooser(view) {
     return found.length > 0 && element("optgroup", { label: title }, found.map(option));
   };
   return element("label", {}, "Sequences", element("select", {
-    name: "subset", "data-focus": "choose-subset",
+    name: "subset", "aria-label": "Sequences", "data-focus": "choose-subset",
     on: { change: (event) => choose({ subset: event.target.value }) },
   }, option(subsets[0]), group("attribute", "Attribute"), group("category", "Category")));
 }
 
 function finder(state) {
   return element("label", {}, "Find a sequence", element("input", {
-    type: "search", name: "find", value: state.find, autocomplete: "off", spellcheck: "false", "data-focus": "find",
+    type: "search", name: "find", "aria-label": "Find a sequence", value: state.find, autocomplete: "off", spellcheck: "false", "data-focus": "find",
     on: { input: (event) => choose({ find: event.target.value }, { quietly: true }) },
   }));
 }

@@ -12,7 +12,7 @@ function failures(view) {
   const rows = table.rows.filter((row) => shownRuns.has(row.run) && inSubset.has(row.sequence)
     && matches(view.dataset.sequences[row.sequence], wanted));
   const columns = [
-    { key: "run", title: "Run", value: (row) => shownRuns.get(row.run).label,
+    { key: "run", title: "Run", class: () => "together", value: (row) => shownRuns.get(row.run).label,
       cell: (row) => [sample(shownRuns.get(row.run)), " ", element("span", { class: "name" }, shownRuns.get(row.run).label)] },
     { key: "sequence", title: "Sequence", value: (row) => view.dataset.sequences[row.sequence].name,
       cell: (row) => element("span", { class: "name" }, view.dataset.sequences[row.sequence].name) },

@@ -9,7 +9,7 @@ function sortableTable(view, { name, caption, columns, rows, attributes, act, cl
   const body = element("tbody", { on: { keydown: walk } },
     ordered.map((row, place) => bodyRow(row, place, columns, attributes(row, Boolean(by)), act)));
   const table = element("table", { class: className, "data-table": name },
-    caption && element("caption", {}, caption),
+    caption && element("caption", {}, element("span", {}, caption)),
     element("thead", {}, element("tr", {}, columns.map((column) => headCell(view, name, column, sort)))),
     body);
   return element("div", { class: tall ? "scroll tall" : "scroll", tabindex: tall ? "-1" : null }, table);
