@@ -15,13 +15,12 @@ from nat2024.importing.bundles import (
     FORMAT,
     HEADER,
     MANIFEST,
-    TIME_HEADER,
     BundledRun,
     BundleManifest,
 )
 from nat2024.store import DatasetRecord
 
-WORDS = "DATASET.zip: manifest.json, boxes/RUN/SEQUENCE.csv, times/RUN/SEQUENCE.csv"
+WORDS = "DATASET.zip: manifest.json, boxes/RUN/SEQUENCE.csv, times/RUN/SEQUENCE.csv of seconds"
 
 _PROTOCOL = "pysot"
 _EPOCH = (1980, 1, 1, 0, 0, 0)  # equal results make equal bytes
@@ -55,7 +54,7 @@ def _folder(name: str, number: int) -> str:
 
 
 def _seconds(seconds: list[float]) -> bytes:
-    return (TIME_HEADER + "".join(f"{value:.8f}\n" for value in seconds)).encode()
+    return "".join(f"{value:.8f}\n" for value in seconds).encode()
 
 
 def _entry(run: TakenRun, folder: str, digests: dict[str, str]) -> BundledRun:

@@ -49,6 +49,7 @@ def take_run(
     run: Run, dataset: Dataset | None, *, accept_restarts: bool, shift_origin: bool
 ) -> Iterator[TakenRun]:
     """Read a run whole: one for each of its repeats, labelled `rN` where there are several."""
+    restarts = isinstance(run, ForeignRun) and run.restarts
     if accept_restarts and isinstance(run, ForeignRun):
         run = run.one_pass()
     left_out: dict[str, str] = {}
@@ -67,6 +68,9 @@ def take_run(
     remarks: list[str] = []
     if dataset is not None:
         stored, remarks = _at_origin(stored, dataset, shift=shift_origin)
+    if restarts and stored:
+        empty = sum(int(np.isnan(b).any(axis=1).sum()) for each in stored.values() for b in each)
+        remarks.append(f"started anew after failures: {empty} rows hold no box and are NaN")
     count = max((len(boxes) for boxes in stored.values()), default=1)
     for number in range(count):
         boxes = {name: b[number] for name, b in stored.items() if number < len(b)}

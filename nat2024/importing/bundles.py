@@ -19,7 +19,6 @@ WORDS = "manifest.json and boxes/RUN/SEQUENCE.csv (bundle of nat-bench)"
 MANIFEST = "manifest.json"
 FORMAT = "nat-bench results 1"
 HEADER = "x,y,w,h\n"
-TIME_HEADER = "seconds\n"
 
 
 class BundledRun(msgspec.Struct, frozen=True):

@@ -30,9 +30,13 @@ def find(folder: Folder) -> list[ForeignRun]:
 
 
 def sequence_files(folder: Folder) -> dict[str, Path]:
-    """Texts of boxes by sequence; no sequence ends in `_time`."""
+    """Texts of boxes by sequence; no sequence ends in `_time`.
+
+    A text that is named as a folder beside it is what pysot's tester says of that tracker's speed.
+    """
     names = [n for n in folder.texts() if not n.endswith((_TIME, _PRESENCE))]
-    return {name[: -len(".txt")]: folder.path / name for name in names}
+    by_sequence = {name[: -len(".txt")]: folder.path / name for name in names}
+    return {name: path for name, path in by_sequence.items() if name not in folder.folders}
 
 
 def time_files(folder: Folder, files: Mapping[str, Path]) -> dict[str, Path]:

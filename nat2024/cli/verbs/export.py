@@ -58,8 +58,8 @@ def command(
     """Write stored results in another layout.
 
     With --dataset results are held against it: what does not fit is left out and named, and the
-    exit status is 1. With --json: format, dataset, loses, and of every run its name, tracker,
-    enhancer, path, sequences, left_out and remarks.
+    exit status is 1. With --json: `exported`, a list of format, dataset, loses and runs, each with
+    run, tracker, enhancer, path, sequences, left_out and remarks.
     """
     from nat2024.datasets import load_dataset
     from nat2024.exporting import export_results
@@ -88,7 +88,7 @@ def command(
 
 def _folders(results: Path, *, is_named: bool) -> list[Path]:
     """Folders of runs: the one that is given, or all that it holds where no dataset is named."""
-    from nat2024.errors import DatasetNotFound
+    from nat2024.errors import DatasetNotFound, UsageError
     from nat2024.store import check_results, list_datasets, list_runs
 
     results = check_results(results)
@@ -98,6 +98,11 @@ def _folders(results: Path, *, is_named: bool) -> list[Path]:
     if not folders:
         msg = f"{results}: holds no results"
         raise DatasetNotFound(msg)
+    names = [folder.name for folder in folders]
+    twice = [str(folder.relative_to(results)) for folder in folders if names.count(folder.name) > 1]
+    if twice:
+        msg = f"{results}: folders of one name: {', '.join(twice)}; name one of them"
+        raise UsageError(msg)
     return folders
 
 
