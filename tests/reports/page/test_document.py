@@ -34,6 +34,13 @@ def embedded(html: str, name: str) -> Any:
     return json.loads(found[1])
 
 
+def with_first(dataset: DatasetPart, **changes: Any) -> Page:
+    """A page of the dataset with its first sequence changed."""
+    first = dataclasses.replace(dataset.sequences[0], **changes)
+    sequences = (first, *dataset.sequences[1:])
+    return Page("t", (dataclasses.replace(dataset, sequences=sequences),))
+
+
 def test_equal_input_gives_equal_bytes(small_page: Page) -> None:
     assert build_page(small_page) == build_page(small_page)
 
