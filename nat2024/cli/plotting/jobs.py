@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
+    from nat2024.evidence import Evidence
     from nat2024.types import Dataset
     from nat2024_reports.figures.looks import NamedRun, View
 
@@ -80,11 +81,14 @@ class Job:
         evaluation: its scores.
         wanted: what to draw of it.
         dataset: gives its sequences, None where they are not at hand.
+        gather: gives the evidence of an evaluation on sequences (None for all), None where the
+            dataset is not at hand.
     """
 
     evaluation: Evaluation
     wanted: Wanted = field(default_factory=Wanted)
     dataset: "Callable[[], Dataset | None]" = lambda: None
+    gather: "Callable[[Evaluation, Collection[str] | None], Evidence | None]" = lambda *_: None
 
     @property
     def name(self) -> str:
@@ -146,6 +150,11 @@ class Job:
     def gains(self) -> "Callable[..., pd.DataFrame]":
         """`Evaluation.gains` of the runs to draw, computed once for each `by`."""
         return functools.cache(self.over().gains)
+
+    @functools.cached_property
+    def evidence(self) -> "Callable[[tuple[str, ...] | None], Evidence | None]":
+        """What tells why the runs to draw score so, on sequences or on all; gathered once."""
+        return functools.cache(lambda names: self.gather(self.over(names), names))
 
     @functools.cached_property
     def groups(self) -> "dict[str, Group]":

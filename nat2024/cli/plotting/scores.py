@@ -269,18 +269,22 @@ def _draw_gains_by(job: Job, by: str, groups: dict[str, Group]) -> Iterator[Draw
     plural = "attributes" if by == "attribute" else "categories"
     for run, rows in gains.groupby("run", sort=False):
         named = job.by_run[str(run)]
+        stars = ["*" if groups[name].is_computed else "" for name in rows[by]]
         labels = [
-            f"{name}{'*' if groups[name].is_computed else ''} ({count})"
-            for name, count in zip(rows[by], rows.sequences, strict=True)
+            f"{name}{star} ({count})"
+            for name, star, count in zip(rows[by], stars, rows.sequences, strict=True)
         ]
-        marked = any(groups[name].is_computed for name in rows[by])
-        title = named.label + (" (* computed attribute)" if marked else "")
+        drawn = rows.assign(label=labels)
+        if by == "attribute":
+            drawn["provenance"] = [groups[name].provenance for name in rows[by]]
         words = f"Gains of {named.enhancer} over {named.tracker} alone by {by}, with 95 % intervals"
         yield Drawing(
             name=file_name(job.name, "gains", plural, str(run).replace("+", "_")),
             kind="gains",
             dataset=job.name,
-            caption=job.caption(words),
-            figure=gains_figure(rows.assign(label=labels), title=title),
-            table=job.with_names(rows),
+            caption=job.caption(words, after="A star: computed" if any(stars) else ""),
+            figure=gains_figure(
+                drawn, title=named.label + (" (* computed attribute)" if any(stars) else "")
+            ),
+            table=job.with_names(drawn),
         )

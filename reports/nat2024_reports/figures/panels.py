@@ -45,6 +45,7 @@ def panels(
     whole = height + _BELOW + legend + above + _EDGE
     figure = new_figure(width, whole)
     figure.set_layout_engine("none")
+    figure.set_dpi(400)  # legends are measured; coarse pixels would round up their lines
     cell = width / count
     made = []
     for number in range(count):
@@ -70,8 +71,8 @@ def legend_below(axes: "Axes", *, columns: int = 1) -> None:
     cell = width / cells
     start = int(bounds.x0 * cells + 1e-9) * cell + _EDGE
     place = (start, bounds.y0 * height - _BELOW - 0.02)
-    size = _SIZE
-    for _ in range(2):  # the second time in letters that fit
+    size, spacing = _SIZE, 0.3
+    for _ in range(3):  # letters that fit the cell, then lines of the height that was reserved
         legend = axes.legend(
             loc="upper left",
             bbox_to_anchor=place,
@@ -80,11 +81,13 @@ def legend_below(axes: "Axes", *, columns: int = 1) -> None:
             borderaxespad=0.0,
             borderpad=0.0,
             handlelength=2.6,
-            labelspacing=LINE * 72 / size - 1.0,
+            labelspacing=spacing,
             columnspacing=1.2,
             fontsize=size,
         )
-        wide = legend.get_window_extent().width / figure.dpi
-        if wide <= cell - 2 * _EDGE:
-            break
-        size = max(_LEAST_SIZE, size * (cell - 2 * _EDGE) / wide)
+        extent = legend.get_window_extent()
+        wide, tall = extent.width / figure.dpi, extent.height / figure.dpi
+        lines = -(-len(legend.get_texts()) // columns)
+        size = max(_LEAST_SIZE, size * min(1.0, (cell - 2 * _EDGE) / wide))
+        if lines > 1:  # spacing counts in sizes of letters, which are 1/72 inch
+            spacing = max(0.0, spacing + (LINE * (lines - 0.2) - tall) / (lines - 1) * 72 / size)

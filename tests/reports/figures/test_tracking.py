@@ -1,6 +1,9 @@
 import numpy as np
+import pandas as pd
+import pytest
 
-from nat2024_reports.figures.tracking import center_error_figure
+from nat2024_reports.figures.looks import NamedRun, views_of
+from nat2024_reports.figures.tracking import center_error_figure, center_errors_figure
 
 
 def drawn(errors):
@@ -29,3 +32,34 @@ def test_without_any_error_the_limit_is_shown():
     x, _, axes = drawn([np.nan, np.nan])
     assert x == []
     assert axes.get_ylim() == (0, 40)
+
+
+def several(errors):
+    runs = [NamedRun("a", "A"), NamedRun("a+x", "A", "X")]
+    (view,) = views_of(runs)
+    parts = [
+        pd.DataFrame({"frame": np.arange(len(rows)), "run": run, "error": rows})
+        for run, rows in errors.items()
+    ]
+    (axes,) = center_errors_figure(pd.concat(parts), view.looks, title="car_$1$").axes
+    return axes
+
+
+def test_errors_of_several_runs_share_the_line_at_20_px():
+    nan = np.nan
+    axes = several({"a": [1.0, 5.0, 300.0], "a+x": [1.0, nan, 2.0]})
+    alone, alone_points, enhanced, enhanced_points, limit = axes.lines
+    assert alone.get_ydata().tolist() == [1, 5, 300]
+    assert (alone.get_linestyle(), enhanced.get_linestyle()) == ("--", "-")
+    assert alone_points.get_xdata().tolist() == []
+    assert enhanced_points.get_xdata().tolist() == [0, 2]
+    assert set(limit.get_ydata()) == {20}
+    assert axes.get_yscale() == "symlog"
+    assert axes.get_ylim() == (0, pytest.approx(345))
+    assert axes.figure.get_suptitle() == r"car_\$1\$"
+
+
+def test_small_errors_leave_the_limit_in_view():
+    axes = several({"a": [1.0, 2.0]})
+    assert axes.get_ylim() == (0, 50)
+    assert [tick for tick in axes.get_yticks() if tick <= 50] == [0, 10, 20, 50]
