@@ -1,6 +1,7 @@
 """Training an enhancer on pictures, from its name to a weights file."""
 
 import hashlib
+import inspect
 import logging
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -230,10 +231,11 @@ def _identity(training: EnhancerTraining, store: PictureStore) -> dict[str, Any]
     del pictures["workers"]
     titles = "\n".join(shot.title for shot in store.shots)
     options = resolve_options(load_plugin(training.name, "enhancer"), training.options)
+    ways_to_run = inspect.signature(NeuralEnhancer.__init__).parameters  # no part of the training
     start = training.start.read_bytes() if training.start else b""
     return {
         "enhancer": training.name,
-        "options": {key: options[key] for key in sorted(options)},
+        "options": {key: options[key] for key in sorted(options) if key not in ways_to_run},
         "pictures": pictures,
         "loss": msgspec.to_builtins(training.own),
         "data": {

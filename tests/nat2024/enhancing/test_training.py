@@ -308,6 +308,11 @@ def test_a_folder_of_another_training_is_refused(data, tmp_path, capsys):
     assert train("dcepp", data, out, "--set", "level=0.3", steps=2) == 2
     assert "another configuration (loss.level 0.35 there, 0.3 now)" in capsys.readouterr().err
     assert (out / "dcepp.safetensors").read_bytes() == weights
+    other = ("--opt", "scale_factor=4")
+    assert train("dcepp", data, out, *other, steps=2) == 2
+    assert "(options.scale_factor 12 there, 4 now)" in capsys.readouterr().err
+    # How it runs when it is trained is no part of the training.
+    assert train("dcepp", data, out, "--opt", "clamp=false", steps=2) == 0
 
 
 def test_what_has_no_loss_cannot_be_trained(data, tmp_path, capsys):
