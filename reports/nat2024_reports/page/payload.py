@@ -171,6 +171,7 @@ def _protocol(
     scores: ProtocolScores, numbers: Mapping[str, int], places: Mapping[str, int]
 ) -> dict[str, Any]:
     table = scores.per_sequence
+    table = table[table["run"].isin(list(numbers)) & table["sequence"].isin(list(places))]
     rows = [numbers[run] for run in table["run"]]
     columns = [places[sequence] for sequence in table["sequence"]]
     by_sequence = {}
