@@ -6,12 +6,13 @@ adapters make N x M combinations.
 
 import contextlib
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 
+from nat2024.backends import BackendWish, Part, Precision, backends_of, compile_parts
 from nat2024.cards import Card
 from nat2024.devices import check_device, explain_lack_of_memory
 from nat2024.errors import ArrayContract, InvalidOption, UsageError
@@ -107,13 +108,15 @@ class NeuralEnhancer(Enhancer, ABC):
     """An enhancer with a network: pads to the network's stride, runs it, cuts back, clamps.
 
     A subclass gives `build` (the network), `forward` (padded batch to enhanced batch) and `stride`;
-    `pad` where its authors pad otherwise. A state dict loaded into `.model` takes effect at the
+    `pad` where its authors pad otherwise; `parts` and `forward_parts` where another backend should
+    run less than all of `forward`. A state dict loaded into `.model` takes effect at the
     next call: what a network derives from its weights follows them (`networks.folding.Derived`).
 
     Attributes:
         stride: sides are padded up to multiples of this.
         image_order: the order in which the network sees the channels of images that `enhance`
             gets, as the authors' stand-alone test feeds them.
+        backend: what runs the network.
     """
 
     stride: int = 1
@@ -127,6 +130,8 @@ class NeuralEnhancer(Enhancer, ABC):
         clamp: bool = True,
         channel_order: Literal["as_given", "rgb"] = "as_given",
         quantise: Literal["round", "truncate"] = "round",
+        backend: BackendWish = "torch",
+        precision: Precision = "float32",
     ) -> None:
         """Build the network and load its weights.
 
@@ -138,15 +143,23 @@ class NeuralEnhancer(Enhancer, ABC):
                 batches that come in BGR and are turned before and after the network.
             quantise: how `enhance` makes 8-bit numbers: "round" to nearest, or "truncate" as some
                 authors' stand-alone tests do when they save.
+            backend: what runs the network: "torch", "onnxruntime", "openvino", "tensorrt", or
+                "auto" for the fastest one installed; each is held against torch before it is used.
+            precision: what the backend computes in.
         """
         super().__init__(device=device)
         self.clamp = clamp
         self.channel_order = channel_order
         self.quantise: Literal["round", "truncate"] = quantise
+        backends = backends_of(backend, device, precision)
+        self.backend, self.precision = backends[0], precision
         self.weights = find_weights(self.name, weights, self.card)
         model = self.build()
         load_weights(model, self.weights, self.read_state)
         self.model: torch.nn.Module = model.to(device).eval()
+        self._parts = compile_parts(
+            self.model, self.parts(), backends, device=device, precision=precision
+        )
 
     @abstractmethod
     def build(self) -> "torch.nn.Module":
@@ -164,6 +177,17 @@ class NeuralEnhancer(Enhancer, ABC):
     @abstractmethod
     def forward(self, batch: "torch.Tensor") -> "torch.Tensor":
         """Enhance a batch whose sides are multiples of `stride`; no clamp."""
+
+    def parts(self) -> Mapping[str, Part]:
+        """What another backend runs, by name; all of `forward` by default."""
+        return {"network": Part(self.forward)}
+
+    def forward_parts(
+        self, parts: "Mapping[str, Callable[..., Any]]", batch: "torch.Tensor"
+    ) -> "torch.Tensor":
+        """`forward`, put together from its parts as another backend runs them."""
+        enhanced: torch.Tensor = parts["network"](batch)
+        return enhanced
 
     def forward_maps(self, batch: "torch.Tensor") -> "dict[str, torch.Tensor]":  # noqa: ARG002
         """Intermediate maps of a batch whose sides are multiples of `stride`; none by default."""
@@ -212,7 +236,11 @@ class NeuralEnhancer(Enhancer, ABC):
     def _run(self, batch: "torch.Tensor") -> "torch.Tensor":
         height, width = batch.shape[-2:]
         padded, top, left = self.pad(batch.to(self.device))
-        enhanced = self.forward(padded)[..., top : top + height, left : left + width]
+        if self.backend == "torch":
+            enhanced = self.forward(padded)
+        else:
+            enhanced = self.forward_parts(self._parts, padded)
+        enhanced = enhanced[..., top : top + height, left : left + width]
         return enhanced.clamp(0.0, 1.0) if self.clamp else enhanced.contiguous()
 
 

@@ -11,8 +11,9 @@ import importlib.util
 import inspect
 import re
 import sys
+import types
 import typing
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -194,16 +195,22 @@ def plugin_options(cls: type) -> dict[str, Option]:
         init = base.__dict__.get("__init__")
         if init is None:
             continue
-        hints = typing.get_type_hints(init)
         parameters = inspect.signature(init).parameters.values()
-        for parameter in parameters:
-            named = parameter.kind is parameter.KEYWORD_ONLY and parameter.name not in _RESERVED
-            if named and parameter.name not in options:
-                kind = hints.get(parameter.name, Any)
-                options[parameter.name] = Option(parameter.name, kind, parameter.default)
+        named = {one.name: one for one in parameters if one.kind is one.KEYWORD_ONLY}
+        kinds = _types_of(init, named)
+        for name, parameter in named.items():
+            if name not in _RESERVED and name not in options:
+                options[name] = Option(name, kinds.get(name, Any), parameter.default)
         if not any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters):
             break
     return options
+
+
+def _types_of(function: Any, names: Collection[str]) -> dict[str, Any]:
+    """Types of some parameters; those of others may have names that only type checkers know."""
+    wanted = {key: kind for key, kind in function.__annotations__.items() if key in names}
+    annotated = types.SimpleNamespace(__annotations__=wanted)
+    return typing.get_type_hints(annotated, globalns=getattr(function, "__globals__", None))
 
 
 def resolve_options(cls: type, given: Mapping[str, Any]) -> dict[str, Any]:

@@ -7,6 +7,8 @@ is darkened again (soft truncation). The three colours keep their ratios.
 Images are float32 (N, 3, H, W) of any size. Names of modules are those of the official state dict.
 """
 
+from collections.abc import Callable
+
 import torch
 import torch.nn.functional as functional
 from torch import Tensor, nn
@@ -87,12 +89,17 @@ class HighlightNet(nn.Module):
     def enhance(self, image: Tensor) -> Tensor:
         """The enhanced images of `forward` alone, with memory that does not grow with them."""
         levels = self.levels(image)
+        return self.enhance_in_bands(image, lambda band: self.adjust(band, levels))
 
-        def enhance_band(band: Tensor) -> Tensor:
-            value = _brightness(band)
-            return _adjust(band, value, self._range_mask(value), levels)
+    @staticmethod
+    def enhance_in_bands(image: Tensor, adjust: Callable[[Tensor], Tensor]) -> Tensor:
+        """Enhance band by band with what stands for `adjust` under the image's own levels."""
+        return run_in_bands(adjust, image, halo=_HALO, pixels=_BAND)
 
-        return run_in_bands(enhance_band, image, halo=_HALO, pixels=_BAND)
+    def adjust(self, image: Tensor, levels: Tensor) -> Tensor:
+        """Enhance (N, 3, H, W), a whole image or a band of its rows, with given levels (N, 2)."""
+        value = _brightness(image)
+        return _adjust(image, value, self._range_mask(value), levels)
 
     def levels(self, image: Tensor) -> Tensor:
         """l_g and l_b of every image, (N, 2), 0..1."""

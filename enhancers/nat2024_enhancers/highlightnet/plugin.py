@@ -1,8 +1,9 @@
 """HighlightNet as an enhancer: options and weights around the network of `model`."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar, cast
 
+from nat2024.backends import Part
 from nat2024.cards import read_card
 from nat2024.interfaces import NeuralEnhancer
 from nat2024.registry import register_enhancer
@@ -48,6 +49,18 @@ class HighlightNet(NeuralEnhancer):
     def forward(self, batch: "torch.Tensor") -> "torch.Tensor":
         """Enhance a batch; no clamp."""
         return cast("Network", self.model).enhance(batch)
+
+    def parts(self) -> dict[str, Part]:
+        """All but the levels, whose Transformer sees 256 tokens of any image."""
+        return {"adjust": Part(cast("Network", self.model).adjust)}
+
+    def forward_parts(
+        self, parts: Mapping[str, Callable[..., Any]], batch: "torch.Tensor"
+    ) -> "torch.Tensor":
+        """Enhance a batch as `forward` does."""
+        network = cast("Network", self.model)
+        levels = network.levels(batch)
+        return network.enhance_in_bands(batch, lambda band: parts["adjust"](band, levels))
 
     def forward_maps(self, batch: "torch.Tensor") -> "dict[str, torch.Tensor]":
         """The range mask, the levels and the brightened dark pixels of a batch."""

@@ -9,6 +9,7 @@ Images are float32 (N, 3, H, W), sides multiples of 16; feature maps are NCHW, t
 Names of modules are those of the official state dict.
 """
 
+from collections.abc import Callable
 from typing import Literal, NamedTuple
 
 import torch
@@ -27,6 +28,7 @@ STRIDE = 16
 _FEATURES = 8
 _GROUP = 3  # one curve parameter for each colour
 _TABLE = 500
+_PART_PIXELS = 1 << 19  # of a band of `enhance_in_parts`
 _HALO = 5  # the estimation net's five 3x3 convolutions see this far
 
 
@@ -338,19 +340,55 @@ class LDEnhancerNet(nn.Module):
             del found["M"]
         return found
 
+    def encode(self, image: Tensor) -> tuple[Tensor, Tensor]:
+        """F2 and F1, (N, 8, H / 16, W / 16) each, of images (N, 3, H, W); without branches F0."""
+        return self._split(image)[1:]
+
+    def adjust(self, image: Tensor, attended: Tensor, light: Tensor) -> Tensor:
+        """Enhanced images of M and F1: all that follows the attention."""
+        amount = self.content_estimation(self.upsamplenet_content(attended))
+        if self.two_branch:
+            amount = amount - self.light_estimation(self.upsamplenet_light(light))
+        return self._iterate(image, amount)
+
+    def enhance_in_parts(
+        self,
+        image: Tensor,
+        encode: Callable[[Tensor], tuple[Tensor, Tensor]],
+        adjust: Callable[[Tensor, Tensor, Tensor], Tensor],
+    ) -> Tensor:
+        """Enhance with what stands for `encode` and `adjust`; the attention stays here.
+
+        `adjust` is given bands of rows, so that its memory does not grow with the image.
+        """
+        _check_sides(*image.shape[-2:])
+        content, light = encode(image)
+        attended = self.CrossAttention(content, light) if self.cross_attention else content
+        count, _, height, width = image.shape
+        found = []
+        for start, stop in bands_of(count, height, width, stride=STRIDE, pixels=_PART_PIXELS):
+            # One cell more on each side, since the convolutions see `_HALO` rows.
+            above, below = max(start - STRIDE, 0), min(stop + STRIDE, height)
+            cells = slice(above // STRIDE, below // STRIDE)
+            band = adjust(image[..., above:below, :], attended[..., cells, :], light[..., cells, :])
+            found.append(band[..., start - above : stop - above, :])
+        return found[0] if len(found) == 1 else torch.cat(found, dim=-2)
+
     def _features(self, image: Tensor, place: tuple[int, int] = (0, 0)) -> Features:
         _check_sides(*image.shape[-2:])
-        mixed = self.downsamplenet(image.contiguous())
-        if not self.two_branch:
-            decoded = self.upsamplenet_content(mixed)
-            return Features(mixed, mixed, mixed, decoded, decoded)
-        light = self.decompose(mixed)
-        attended = mixed - light
-        if self.cross_attention:
-            attended = self.CrossAttention(attended, light, place)
+        mixed, content, light = self._split(image.contiguous())
+        attended = self.CrossAttention(content, light, place) if self.cross_attention else content
         content_image = self.upsamplenet_content(attended)
-        light_image = self.upsamplenet_light(light)
+        light_image = self.upsamplenet_light(light) if self.two_branch else content_image
         return Features(mixed, light, attended, content_image, light_image)
+
+    def _split(self, image: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """F0, F2 and F1."""
+        mixed = self.downsamplenet(image)
+        if not self.two_branch:
+            return mixed, mixed, mixed
+        light = self.decompose(mixed)
+        return mixed, mixed - light, light
 
     def _apply_in_bands(
         self, image: Tensor, features: Features, amount: Tensor | None = None

@@ -1,8 +1,9 @@
 """LDEnhancer as an enhancer: sizes, options and weights around the network of `model`."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, cast
 
+from nat2024.backends import Part
 from nat2024.cards import read_card
 from nat2024.errors import InvalidOption
 from nat2024.interfaces import NeuralEnhancer
@@ -94,6 +95,18 @@ class LDEnhancer(NeuralEnhancer):
     def forward(self, batch: "torch.Tensor") -> "torch.Tensor":
         """Enhance a padded batch; no clamp."""
         return cast("LDEnhancerNet", self.model).enhance(batch)
+
+    def parts(self) -> dict[str, Part]:
+        """All but the attention, which needs less memory and time here than as a graph."""
+        network = cast("LDEnhancerNet", self.model)
+        return {"encode": Part(network.encode), "adjust": Part(network.adjust)}
+
+    def forward_parts(
+        self, parts: "Mapping[str, Callable[..., Any]]", batch: "torch.Tensor"
+    ) -> "torch.Tensor":
+        """Enhance a padded batch as `forward` does."""
+        network = cast("LDEnhancerNet", self.model)
+        return network.enhance_in_parts(batch, parts["encode"], parts["adjust"])
 
     def forward_maps(self, batch: "torch.Tensor") -> "dict[str, torch.Tensor]":
         """All intermediate maps of a padded batch."""

@@ -1,13 +1,13 @@
 """The tracker `nanotrack`."""
 
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import msgspec
 
 from nat2024.cards import Card, read_card
 from nat2024.errors import WeightsMismatch
 from nat2024.files import expand
-from nat2024.interfaces import BatchEnhancer, Scope, load_weights
+from nat2024.interfaces import load_weights
 from nat2024.registry import register_tracker
 from nat2024.zoo import Weights, WeightsSpec, find_weights
 from nat2024_trackers.nanotrack.points import PointDecoder
@@ -38,26 +38,20 @@ class NanoTrack(SiameseTracker):
         self,
         *,
         weights: WeightsSpec = None,
-        enhancer: BatchEnhancer | None = None,
-        device: str = "cpu",
-        scope: Scope | None = None,
-        enhance_template: bool = True,
         variant: str = "v3",
         runtime: Literal["torch", "opencv"] = "torch",
+        **base: Any,
     ) -> None:
-        """Build the network and load its weights.
+        """Build the network and load its weights; `base` as in `SiameseTracker`.
 
         Args:
             weights: a checkpoint path, False for fresh initial weights, None for the best at hand;
                 with runtime "opencv" a folder that holds one `*backbone*.onnx` and one
                 `*head*.onnx` of the variant.
-            enhancer: anything with `enhance_batch`.
-            device: where the network runs, such as "cpu" or "cuda:1"; with runtime "opencv" the
-                network runs on the CPU in any case, and this is for the enhancer.
-            scope: what is enhanced: "patch" (default) or "frame".
-            enhance_template: whether the template crop is enhanced too.
             variant: "v1", "v2" or "v3".
-            runtime: "torch", or "opencv" for the ONNX files in `cv2.dnn`.
+            runtime: "torch", or "opencv" for the authors' ONNX files in `cv2.dnn`, on the CPU
+                whatever `device` says, which is then for the enhancer; `backend` is not asked.
+            base: `enhancer`, `device`, `scope`, `enhance_template`, `backend`, `precision`.
 
         Raises:
             InvalidOption: no such variant, or fresh weights with runtime "opencv".
@@ -67,15 +61,9 @@ class NanoTrack(SiameseTracker):
         self.runtime = runtime
         constants = find_variant(variant)
         build = self._build_onnx if runtime == "opencv" else self._build_torch
-        super().__init__(
-            build(weights, constants),
-            PointDecoder(constants),
-            constants,
-            enhancer=enhancer,
-            device=device,
-            scope=scope,
-            enhance_template=enhance_template,
-        )
+        if runtime == "opencv":
+            base["backend"] = "torch"  # it has a network of its own
+        super().__init__(build(weights, constants), PointDecoder(constants), constants, **base)
         self._network: SiameseNetwork = self.model
         if runtime == "opencv":
             del self.model  # it has no PyTorch weights that could be listed or loaded
@@ -83,7 +71,7 @@ class NanoTrack(SiameseTracker):
     @property
     def network(self) -> SiameseNetwork:
         """What the loop runs."""
-        return self._network if self.runtime == "opencv" else self.model
+        return self._network if self.runtime == "opencv" else super().network
 
     def _build_torch(self, weights: WeightsSpec, constants: "Constants") -> "torch.nn.Module":
         del constants

@@ -1,13 +1,17 @@
 """The tracker `siamapnpp`."""
 
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from nat2024.cards import Card, read_card
-from nat2024.interfaces import BatchEnhancer, Scope, load_weights
 from nat2024.registry import register_tracker
-from nat2024.zoo import WeightsSpec, find_weights
 from nat2024_trackers.siamapn.decoder import ProposalDecoder, proposal_constants
-from nat2024_trackers.siamese.tracker import SiameseTracker
+from nat2024_trackers.siamese.tracker import OneNetworkTracker
+
+if TYPE_CHECKING:
+    from torch import nn
+
+    from nat2024_trackers.siamese.state import Constants
+    from nat2024_trackers.siamese.tracker import Decoder
 
 # All three are only in the defaults of the official code, not in its yaml file.
 CONSTANTS = proposal_constants(penalty_k=0.079, window_influence=0.44, learning_rate=0.31)
@@ -17,7 +21,7 @@ ANCHOR_REACH = 71
 
 
 @register_tracker("siamapnpp")
-class SiamAPNpp(SiameseTracker):
+class SiamAPNpp(OneNetworkTracker):
     """SiamAPN++ with the network and constants of vision4robotics/SiamAPN.
 
     Kept from the official code, since trained weights depend on it: the third classification enters
@@ -27,38 +31,8 @@ class SiamAPNpp(SiameseTracker):
 
     card: ClassVar[Card] = read_card("nat2024_trackers.siamapnpp")
 
-    def __init__(
-        self,
-        *,
-        weights: WeightsSpec = None,
-        enhancer: BatchEnhancer | None = None,
-        device: str = "cpu",
-        scope: Scope | None = None,
-        enhance_template: bool = True,
-    ) -> None:
-        """Build the network and load its weights.
-
-        Args:
-            weights: a checkpoint path, False for fresh initial weights, None for the best at hand.
-            enhancer: anything with `enhance_batch`.
-            device: where the network runs, such as "cpu" or "cuda:1".
-            scope: what is enhanced: "patch" (default) or "frame".
-            enhance_template: whether the template crop is enhanced too.
-
-        Raises:
-            WeightsMissing, WeightsMismatch: no weights, or of another network.
-        """
+    def build(self) -> "tuple[nn.Module, Decoder, Constants]":
+        """The network, its decoder and the constants above."""
         from nat2024_trackers.siamapnpp.model import SiamAPNppNetwork
 
-        self.weights = find_weights(self.name, weights, self.card)
-        model = SiamAPNppNetwork()
-        load_weights(model, self.weights)
-        super().__init__(
-            model,
-            ProposalDecoder(ANCHOR_REACH, SCORE_WEIGHTS),
-            CONSTANTS,
-            enhancer=enhancer,
-            device=device,
-            scope=scope,
-            enhance_template=enhance_template,
-        )
+        return SiamAPNppNetwork(), ProposalDecoder(ANCHOR_REACH, SCORE_WEIGHTS), CONSTANTS

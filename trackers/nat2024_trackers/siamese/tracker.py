@@ -1,14 +1,24 @@
 """The loop: crop, enhance, network, decode, penalise, update, for one or several sequences."""
 
-from collections.abc import Callable, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
+from nat2024.backends import (
+    BackendWish,
+    CompiledPart,
+    Part,
+    Precision,
+    backends_of,
+    compile_parts,
+)
 from nat2024.errors import UsageError
-from nat2024.interfaces import BatchEnhancer, Scope, Tracker, run_enhancer
+from nat2024.interfaces import BatchEnhancer, Scope, Tracker, load_weights, run_enhancer
 from nat2024.types import Box, Floats, Image
+from nat2024.zoo import WeightsSpec, find_weights
 from nat2024_trackers.siamese.crops import crop, mean_color, search_window, template_side
 from nat2024_trackers.siamese.selection import cosine_window, select
 from nat2024_trackers.siamese.state import (
@@ -53,6 +63,7 @@ class SiameseTracker(Tracker):
         decoder: from the network's outputs to candidates.
         constants: of this tracker and variant.
         enhance_template: whether the enhancer sees the template crop too (scope "patch").
+        backend: what runs the network.
         last_step: outcome of the latest `update`, None right after `init`.
     """
 
@@ -66,10 +77,30 @@ class SiameseTracker(Tracker):
         device: str = "cpu",
         scope: Scope | None = None,
         enhance_template: bool = True,
+        backend: BackendWish = "torch",
+        precision: Precision = "float32",
     ) -> None:
-        """Put the parts together; `enhancer`, `device` and `scope` as in `Tracker`."""
+        """Put the parts together; `enhancer`, `device` and `scope` as in `Tracker`.
+
+        Args:
+            model: the network.
+            decoder: of its outputs.
+            constants: of the tracker.
+            enhancer: anything with `enhance_batch`.
+            device: where the network runs, such as "cpu" or "cuda:1".
+            scope: what is enhanced: "patch" (default) or "frame".
+            enhance_template: whether the template crop is enhanced too.
+            backend: what runs the network: "torch", "onnxruntime", "openvino", "tensorrt", or
+                "auto" for the fastest one installed; each is held against torch before it is used.
+            precision: what the backend computes in.
+        """
         super().__init__(enhancer=enhancer, device=device, scope=scope)
+        backends = backends_of(backend, self.device, precision)
+        self.backend, self.precision = backends[0], precision
         self.model: Any = model.to(device).eval()
+        self._compiled = _CompiledNetwork(
+            compile_parts(self.model, self._parts(), backends, device=device, precision=precision)
+        )
         self.decoder = decoder
         self.constants = constants
         self.enhance_template = enhance_template
@@ -80,9 +111,16 @@ class SiameseTracker(Tracker):
 
     @property
     def network(self) -> SiameseNetwork:
-        """What the loop runs: `model`, unless a subclass runs it outside PyTorch."""
-        network: SiameseNetwork = self.model
+        """What the loop runs: `model`, or what stands for it outside PyTorch."""
+        network: SiameseNetwork = self.model if self.backend == "torch" else self._compiled
         return network
+
+    def _parts(self) -> dict[str, Part]:
+        """What another backend runs; sizes of crops are constants of the tracker."""
+        return {
+            "embed": Part(lambda template: self.model.embed(template), dynamic=False),
+            "match": Part(lambda search, *of: self.model.match(of, search), dynamic=False),
+        }
 
     @property
     def target(self) -> Target:
@@ -177,3 +215,43 @@ class SiameseTracker(Tracker):
             return batch
         better = run_enhancer(self.enhancer, batch / 255.0, self.device)
         return better.to(device=batch.device, dtype=torch.float32) * 255.0
+
+
+class _CompiledNetwork:
+    """A `SiameseNetwork` made of its two parts as another backend runs them."""
+
+    def __init__(self, parts: Mapping[str, CompiledPart]) -> None:
+        self._parts = parts
+
+    def embed(self, template: "torch.Tensor") -> Features:
+        """As the network's own."""
+        features = self._parts["embed"](template)
+        return features if isinstance(features, tuple) else (features,)
+
+    def match(self, features: Features, search: "torch.Tensor") -> "tuple[torch.Tensor, ...]":
+        """As the network's own."""
+        maps = self._parts["match"](search, *features)
+        return maps if isinstance(maps, tuple) else (maps,)
+
+
+class OneNetworkTracker(SiameseTracker, ABC):
+    """A Siamese tracker that has one network and one set of constants; a subclass names them."""
+
+    def __init__(self, *, weights: WeightsSpec = None, **base: Any) -> None:
+        """Build the network and load its weights; `base` as in `SiameseTracker`.
+
+        Args:
+            weights: a checkpoint path, False for fresh initial weights, None for the best at hand.
+            base: `enhancer`, `device`, `scope`, `enhance_template`, `backend`, `precision`.
+
+        Raises:
+            WeightsMissing, WeightsMismatch: no weights, or of another network.
+        """
+        self.weights = find_weights(self.name, weights, self.card)
+        model, decoder, constants = self.build()
+        load_weights(model, self.weights)
+        super().__init__(model, decoder, constants, **base)
+
+    @abstractmethod
+    def build(self) -> "tuple[torch.nn.Module, Decoder, Constants]":
+        """The network with the official checkpoint's keys, the decoder and the constants."""

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import msgspec
 
 from nat2024.cards import Card, read_card
-from nat2024.interfaces import BatchEnhancer, Scope, load_weights
+from nat2024.interfaces import load_weights
 from nat2024.registry import register_tracker
 from nat2024.types import Image
 from nat2024.zoo import Weights, WeightsSpec, find_weights
@@ -38,25 +38,15 @@ class SiamRPNpp(SiameseTracker):
     training_presets: ClassVar[Mapping[str, Mapping[str, Any]]] = PRESETS
 
     def __init__(
-        self,
-        *,
-        weights: WeightsSpec = None,
-        enhancer: BatchEnhancer | None = None,
-        device: str = "cpu",
-        scope: Scope | None = None,
-        enhance_template: bool = True,
-        variant: str | None = None,
+        self, *, weights: WeightsSpec = None, variant: str | None = None, **base: Any
     ) -> None:
-        """Build the network and load its weights.
+        """Build the network and load its weights; `base` as in `SiameseTracker`.
 
         Args:
             weights: a checkpoint path, False for fresh initial weights, None for the best at hand.
-            enhancer: anything with `enhance_batch`.
-            device: where the network runs, such as "cpu" or "cuda:1".
-            scope: what is enhanced: "patch" (default) or "frame".
-            enhance_template: whether the template crop is enhanced too.
             variant: which configuration; None is "alex" where weights are given (or False) and
                 else "compact", whose weights come with the package.
+            base: `enhancer`, `device`, `scope`, `enhance_template`, `backend`, `precision`.
 
         Raises:
             InvalidOption: no such variant.
@@ -67,15 +57,7 @@ class SiamRPNpp(SiameseTracker):
         self.weights = find_weights(self.name, weights, _card_of(self.card, self.variant))
         model = _build(chosen)
         load_weights(model, self.weights)
-        super().__init__(
-            model,
-            AnchorDecoder(chosen.constants),
-            chosen.constants,
-            enhancer=enhancer,
-            device=device,
-            scope=scope,
-            enhance_template=enhance_template,
-        )
+        super().__init__(model, AnchorDecoder(chosen.constants), chosen.constants, **base)
 
     def training_parts(
         self,
