@@ -189,7 +189,8 @@ def _open(
     tracker, enhancer = trackers.create(combination)
     batch = way.batch if isinstance(tracker, BatchTracker) else 1
     if batch != way.batch:
-        log.info("%s takes one sequence at a time, --batch or not", combination.tracker.title)
+        title = combination.tracker.title
+        log.info("%s takes one sequence at a time, whatever --batch says", title)
     threads, on_bad_frame = way.setting.threads, way.reading.on_bad_frame
     wanted = describe(
         combination, tracker, enhancer, _record(dataset), threads, on_bad_frame, batch

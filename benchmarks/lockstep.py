@@ -1,0 +1,147 @@
+"""Sequences in one forward, beside one at a time: `nat-bench run --batch`.
+
+    python benchmarks/lockstep.py [--device cpu|cuda] [--batches 1,2,4,8] [--json] [--jpeg]
+
+runs siamrpnpp (AlexNet, official size) with ldenhancer, both with fresh weights, over rendered
+frames of 960x540 through the engine's own loop, and prints the frames a second of all sequences
+together for each batch. Sizes take turns, and the best turn counts. With `--jpeg` frames are
+decoded from JPEG in reader threads, as in a run; without, they lie in memory.
+"""
+
+import argparse
+import json
+import time
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from side_by_side import machine
+
+from nat2024 import types
+from nat2024.engine.lockstep import Reading, track_together
+from nat2024.engine.plan import Combination, PluginSpec
+from nat2024.engine.workers import computing_threads
+from nat2024.interfaces import Tracker
+from nat2024.store import Track
+
+
+class JpegFrames:
+    """Frames kept as JPEG, decoded when asked for."""
+
+    def __init__(self, images: Sequence[types.Image]) -> None:
+        import cv2
+
+        self.frame_size = (images[0].shape[1], images[0].shape[0])
+        self._files = [cv2.imencode(".jpg", image)[1] for image in images]
+
+    def __len__(self) -> int:
+        return len(self._files)
+
+    def __getitem__(self, index: int) -> types.Image:
+        import cv2
+
+        return np.asarray(cv2.imdecode(self._files[index], cv2.IMREAD_COLOR), dtype=np.uint8)
+
+
+def render(count: int, frames: int, size: tuple[int, int], *, jpeg: bool) -> list[types.Sequence]:
+    """Rendered night sequences."""
+    from nat2024.night import Clip, render_clip
+
+    sequences = []
+    for seed in range(count):
+        clip = Clip(f"s{seed}", frames=frames, size=size, target_size=(40, 30), seed=seed)
+        images, boxes = zip(*render_clip(clip), strict=True)
+        source: Any = JpegFrames(images) if jpeg else images
+        sequences.append(types.Sequence(clip.name, source, np.array(boxes)))
+    return sequences
+
+
+def create(device: str, enhancer: str) -> Tracker:
+    """The tracker with the enhancer, the same fresh weights each time."""
+    import torch
+
+    torch.manual_seed(0)
+    combination = Combination(
+        PluginSpec("siamrpnpp", options={"variant": "alex"}, weights=False),
+        None if enhancer == "none" else PluginSpec(enhancer, weights=False),
+        device,
+    )
+    return combination.create()[0]
+
+
+def track(tracker: Tracker, sequences: list[types.Sequence], batch: int) -> list[Any]:
+    """Boxes of all sequences, `batch` of them at a time."""
+    boxes = []
+    for start in range(0, len(sequences), batch):
+        for finish in track_together([tracker], sequences[start : start + batch], Reading()):
+            assert isinstance(finish.result, Track), finish.result
+            boxes.append(finish.result.boxes)
+    return boxes
+
+
+def measure(given: argparse.Namespace) -> list[dict[str, Any]]:
+    """Rows of the table."""
+    width, height = (int(side) for side in given.size.split("x"))
+    batches = [int(batch) for batch in given.batches.split(",")]
+    count = max(batches)
+    sequences = render(count, given.frames, (width, height), jpeg=given.jpeg)
+    tracker = create(given.device, given.enhancer)
+    best = dict.fromkeys(batches, float("inf"))
+    boxes = {}
+    with computing_threads(given.threads):
+        for batch in batches:  # allocations and choices of kernels
+            track(tracker, sequences[:batch], batch)
+        for _ in range(given.turns):
+            for batch in batches:
+                start = time.perf_counter()
+                boxes[batch] = np.concatenate(track(tracker, sequences, batch))
+                best[batch] = min(best[batch], time.perf_counter() - start)
+    frames = count * given.frames
+    first = batches[0]
+    return [
+        {
+            "batch": batch,
+            "frames_per_second": frames / best[batch],
+            "ms_per_frame": 1000 * best[batch] / frames,
+            "ratio": best[first] / best[batch],
+            "largest_difference_px": float(np.abs(boxes[batch] - boxes[first]).max()),
+        }
+        for batch in batches
+    ]
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
+    parser.add_argument("--device", default="cpu")
+    parser.add_argument("--batches", default="1,2,4,8")
+    parser.add_argument("--enhancer", default="ldenhancer")
+    parser.add_argument("--frames", type=int, default=10)
+    parser.add_argument("--turns", type=int, default=3)
+    parser.add_argument("--threads", type=int, default=2)
+    parser.add_argument("--size", default="960x540")
+    parser.add_argument("--jpeg", action="store_true")
+    parser.add_argument("--json", action="store_true")
+    given = parser.parse_args()
+    rows = measure(given)
+    where = machine()
+    if given.device.startswith("cuda"):
+        import torch
+
+        where = f"Measured on {torch.cuda.get_device_name()}, PyTorch {torch.__version__}."
+    if given.json:
+        print(json.dumps({"machine": where, "device": given.device, "rows": rows}))
+        return
+    print(f"{where}\n")
+    print("| batch | device | frames/s | ms a frame | against one | largest difference, px |")
+    print("| ---: | --- | ---: | ---: | ---: | ---: |")
+    for row in rows:
+        print(
+            f"| {row['batch']} | {given.device} | {row['frames_per_second']:.1f} "
+            f"| {row['ms_per_frame']:.2f} | {row['ratio']:.2f} "
+            f"| {row['largest_difference_px']:.1e} |"
+        )
+
+
+if __name__ == "__main__":
+    main()
