@@ -10,6 +10,7 @@ from nat2024.analysis.attributes import (
     published_attributes,
     with_computed_attributes,
 )
+from nat2024.analysis.correlation import RankCorrelation, rank_correlation
 from nat2024.analysis.documents import attribute_document, attribute_rows, frame_rows
 from nat2024.analysis.failures import (
     DRIFT_FRAMES,
@@ -39,6 +40,7 @@ __all__ = [
     "Failure",
     "LightTrace",
     "Moment",
+    "RankCorrelation",
     "attribute_document",
     "attribute_meanings",
     "attribute_rows",
@@ -51,6 +53,7 @@ __all__ = [
     "label_agreement",
     "lost_frames",
     "published_attributes",
+    "rank_correlation",
     "trace_light",
     "with_computed_attributes",
 ]

@@ -38,7 +38,7 @@ was bright, or where the enhancer cannot be made again).
 
 Columns of `light()`: `sequence`, `frames` (looked at), `luminance` (mean grey of the frame, 0..1),
 `unevenness` (stops, over the frame), `target_luminance` (0..255), `target_unevenness` (stops); each
-the median over the frames looked at.
+the median over the frames looked at. `gains_and_light` puts them beside gains.
 
 Overlaps and errors are plain geometry, whatever the protocol of the scores: the truth must be four
 finite numbers with w, h > 0 and must not be flagged invisible, else NaN; a missing or unusable box
@@ -50,6 +50,12 @@ version of the computation). So it is never stale, and may be deleted at any tim
 """
 
 from nat2024.evidence.enhancers import make_again
+from nat2024.evidence.explaining import (
+    LIGHT_MEASURES,
+    correlate_gains,
+    gains_and_light,
+    mean_gains,
+)
 from nat2024.evidence.gathering import gather, telling_frames
 from nat2024.evidence.records import (
     Evidence,
@@ -60,12 +66,16 @@ from nat2024.evidence.records import (
 )
 
 __all__ = [
+    "LIGHT_MEASURES",
     "Evidence",
     "LossEvidence",
     "SequenceEvidence",
     "Thumbnail",
     "TrackEvidence",
+    "correlate_gains",
+    "gains_and_light",
     "gather",
     "make_again",
+    "mean_gains",
     "telling_frames",
 ]

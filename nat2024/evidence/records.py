@@ -165,7 +165,7 @@ class Evidence:
         import pandas as pd
 
         rows = [_light_row(s.name, s.light) for s in self.sequences if s.light is not None]
-        return pd.DataFrame(rows, columns=list(_LIGHT_COLUMNS))
+        return pd.DataFrame(rows, columns=list(LIGHT_COLUMNS))
 
 
 _FAILURE_COLUMNS = (
@@ -185,7 +185,7 @@ _FAILURE_COLUMNS = (
     "unevenness_at_loss",
     "over_enhancement_at_loss",
 )
-_LIGHT_COLUMNS = (
+LIGHT_COLUMNS = (
     "sequence",
     "frames",
     "luminance",

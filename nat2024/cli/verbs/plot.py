@@ -1,6 +1,6 @@
 """`nat-bench plot`: scores as a paper draws them."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,9 +13,20 @@ from nat2024.cli.scoring import Scoring, print_notes, score, scoring_options
 if TYPE_CHECKING:
     from nat2024.cli.plotting.jobs import Drawing, Job, Remark, Wanted
     from nat2024.evaluation import Evaluation
+    from nat2024.evidence import Evidence
     from nat2024.types import Dataset
 
-KINDS = ("curves", "attributes", "radar", "gains", "light", "error", "speed")
+KINDS = (
+    "curves",
+    "attributes",
+    "radar",
+    "gains",
+    "light",
+    "error",
+    "speed",
+    "unevenness",
+    "losses",
+)
 _FORMATS = ("pdf", "svg", "png")
 
 
@@ -86,6 +97,9 @@ def command(
 ) -> None:
     """Draw stored results as a paper does, with the numbers beside each figure.
 
+    Kinds "unevenness" (gain against light) and "losses" look at frames, and keep what they saw
+    beside the results.
+
     What cannot be drawn is said, and the rest is made.
     """
     from nat2024.cli.plotting.jobs import Wanted, check_wanted
@@ -144,11 +158,28 @@ def _job(scoring: Scoring, evaluation: "Evaluation", wanted: "Wanted") -> "Job":
         except NatBenchError:
             return None
 
-    return Job(evaluation, wanted, dataset)
+    def gathered(over: "Evaluation", names: "Collection[str] | None") -> "Evidence | None":
+        from nat2024.cli.progress import ProgressBar
+        from nat2024.evidence import gather
+
+        found = dataset()
+        if found is None:
+            return None
+        kept = found if names is None else found.select(n for n in names if n in found)
+        with ProgressBar(0) as bar:
+            return gather(
+                over,
+                kept,
+                scoring.results,
+                enhance=False,
+                on_frame=lambda: bar(1, evaluation.dataset),
+            )
+
+    return Job(evaluation, wanted, dataset, gathered)
 
 
 def _draw(jobs: "list[Job]", kinds: Iterable[str]) -> "Iterator[Drawing | Remark]":
-    from nat2024.cli.plotting import details, scores
+    from nat2024.cli.plotting import details, scores, why
 
     by_kind = {
         "curves": scores.draw_curves,
@@ -157,6 +188,8 @@ def _draw(jobs: "list[Job]", kinds: Iterable[str]) -> "Iterator[Drawing | Remark
         "gains": scores.draw_gains,
         "error": details.draw_errors,
         "speed": details.draw_speed,
+        "unevenness": why.draw_unevenness,
+        "losses": why.draw_losses,
     }
     for kind in kinds:
         if kind == "light":
