@@ -72,7 +72,8 @@ def list_runs(folder: str | Path) -> list[Run]:
     own = _own_runs(path)
     found = find_runs(path, single=not own)
     foreign = [run for run in found if not any(run.path.is_relative_to(o.path) for o in own)]
-    return sorted([*own, *foreign], key=lambda run: run.name)
+    runs: list[Run] = [*own, *foreign]
+    return sorted(runs, key=lambda run: run.name)
 
 
 def _own_runs(folder: Path) -> list[RunFolder]:

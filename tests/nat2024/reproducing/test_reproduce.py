@@ -6,7 +6,6 @@ length success is hits / 1000 * 20 / 21 and precision is (hits + near) / 1000.
 """
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 
 import cv2
@@ -69,7 +68,7 @@ def write_copy(folder: Path, lengths: dict[str, int], moved: str = "") -> Path:
 
 
 @pytest.fixture(autouse=True)
-def small_uavdark135(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def small_uavdark135(monkeypatch: pytest.MonkeyPatch) -> None:
     """UAVDark135 as if two sequences of 500 frames were all of it."""
     facts = DatasetFacts(
         title="UAVDark135",
@@ -77,7 +76,6 @@ def small_uavdark135(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
         sequences={name: SequenceFacts(LENGTH, START[name]) for name in NAMES},
     )
     monkeypatch.setitem(registered._registered, "uavdark135", facts)
-    yield
 
 
 @pytest.fixture(scope="module")
@@ -230,13 +228,14 @@ def test_an_archive_of_the_results(copy: Path, published: Path, tmp_path: Path) 
     assert [row.files for row in found.rows] == [row.files for row in plain.rows]
 
 
-def test_wrong_use(copy: Path, published: Path) -> None:
+def test_wrong_use(copy: Path, published: Path, tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="nothing to reproduce of 'ldenhancr'; closest: ldenh"):
         reproduce("ldenhancr", [published], copy)
     with pytest.raises(UsageError, match="no results; name the folders of https"):
         reproduce("ldenhancer", [], copy)
     with pytest.raises(DatasetNotFound, match="no such results folder"):
         reproduce("ldenhancer", [published / "absent"], copy)
+    other = tmp_path / "results"
+    write_run(other / "DarkTrack2021" / "HiFT", 1, 1)
     with pytest.raises(DatasetNotFound, match="no results of uavdark135; it holds DarkTrack2021"):
-        write_run(published.parent / "wrong" / "DarkTrack2021" / "HiFT", 1, 1)
-        reproduce("ldenhancer", [published.parent / "wrong"], copy)
+        reproduce("ldenhancer", [other], copy)
