@@ -87,6 +87,20 @@ scope_option = click.option(
 device_option = click.option(
     "--device", default="auto", show_default=True, help="cpu, cuda, cuda:N; auto takes CUDA if any."
 )
+backend_option = click.option(
+    "--backend",
+    type=click.Choice(["auto", "torch", "onnxruntime", "openvino", "tensorrt"]),
+    default="auto",
+    show_default=True,
+    help="What runs networks; auto takes the fastest one installed that gives torch's numbers.",
+)
+precision_option = click.option(
+    "--precision",
+    type=click.Choice(["float32", "bfloat16"]),
+    default="float32",
+    show_default=True,
+    help="What the backend computes in.",
+)
 protocol_option = click.option(
     "--protocol", default="pysot", show_default=True, help="Evaluation protocol."
 )
@@ -96,6 +110,11 @@ protocol_options_option = click.option(
     multiple=True,
     metavar="KEY=VALUE",
     help="Option of the protocol, such as label=uav; repeatable.",
+)
+computed_attributes_option = click.option(
+    "--computed-attributes",
+    is_flag=True,
+    help="Attributes computed from boxes and from every 10th frame, beside published ones.",
 )
 on_length_option = click.option(
     "--on-length",

@@ -1,7 +1,7 @@
 """Printing results: tables for people, JSON for programs, always on standard output."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -41,38 +41,50 @@ def rows_of(frame: "pd.DataFrame") -> list[dict[str, Any]]:
 
 
 def print_table(
-    headings: Sequence[str], rows: Iterable[Sequence[str]], *, title: str = "", words: int = 1
+    headings: Sequence[str],
+    rows: Iterable[Sequence[str]],
+    *,
+    title: str = "",
+    words: int = 1,
+    styles: Sequence[Sequence[str]] = (),
+    rules: Collection[int] = (),
 ) -> None:
     """Print an aligned table; the first `words` columns are words, the others numbers.
 
     Short names in the first column are never broken, so that they can be copied.
+
+    Args:
+        headings: of the columns.
+        rows: texts.
+        title: above it.
+        words: number of columns of words.
+        styles: of the cells of each row, such as "bold"; seen on terminals only.
+        rules: numbers of the rows after which a gap is left.
     """
     from rich.box import SIMPLE_HEAD
     from rich.console import Console
     from rich.table import Table
+    from rich.text import Text
 
     table = Table(
         box=SIMPLE_HEAD,
-        title=_escape(title) if title else None,
-        title_justify="left",
         pad_edge=False,
         padding=(0, 1, 0, 0),
     )
-    texts = [[_escape(text) for text in row] for row in rows]
+    texts = [list(row) for row in rows]
     short = max((len(row[0]) for row in texts), default=0) <= _SHORT_NAME
     for number, heading in enumerate(headings):
         if number < words:
-            table.add_column(heading, overflow="fold", no_wrap=number == 0 and short)
+            no_wrap = number == 0 and short
+            table.add_column(Text(heading), overflow="fold", no_wrap=no_wrap)
         else:  # numbers keep their width, so their headings break at every blank
-            table.add_column(heading.replace(" ", "\n"), justify="right", no_wrap=True)
-    for row in texts:
-        table.add_row(*row)
+            table.add_column(Text(heading.replace(" ", "\n")), justify="right", no_wrap=True)
+    for number, row in enumerate(texts):
+        looks = styles[number] if styles else [""] * len(row)
+        cells = [Text(text, style=look) for text, look in zip(row, looks, strict=True)]
+        table.add_row(*cells, end_section=number in rules)
     console = Console(highlight=False)
     console.width = min(_WIDTH, console.width) if console.is_terminal else _WIDTH
+    if title:  # not the table's own, which would be broken where the table is narrow
+        console.print(Text(title, style="italic"))
     console.print(table)
-
-
-def _escape(text: str) -> str:
-    from rich.markup import escape
-
-    return escape(text)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from nat2024.cli import options as shared
-from nat2024.cli.output import print_table, rows_of
+from nat2024.cli.output import rows_of
 from nat2024.errors import DatasetNotFound, NatBenchError
 
 log = logging.getLogger("nat2024")
@@ -131,16 +131,6 @@ def print_notes(evaluations: "Iterable[Evaluation]") -> None:
     for evaluation in evaluations:
         for line in evaluation.remarks():
             log.info("%s: %s", evaluation.dataset, line)
-
-
-def print_scores(evaluations: "Iterable[Evaluation]") -> None:
-    """Print the table of each evaluation: scores, and gains over the tracker alone."""
-    from nat2024_reports import overall_table
-
-    for evaluation in evaluations:
-        table = overall_table(evaluation.summary())
-        rows = [table.texts(row) for row in table.rows]
-        print_table(table.headings, rows, title=table.caption, words=len(table.word_headings))
 
 
 def document(evaluations: "list[Evaluation]") -> dict[str, Any]:

@@ -189,6 +189,18 @@ class Evaluation:
         columns = ["run", "metric", "threshold", "value"]
         return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=columns)
 
+    def timing(self) -> "pd.DataFrame":
+        """One row a run whose manifest tells its times.
+
+        Columns `run, tracker, enhancer, scope, device, threads, workers, machine, frames, read_ms,
+        enhance_ms, track_ms, first_frame_ms` (means a frame)`, frames_per_second` (enhancing and
+        tracking)`, end_to_end_frames_per_second` (reading too).
+        """
+        import pandas as pd
+
+        rows = [row for run in self.runs if (row := _timing(run))]
+        return pd.DataFrame(rows, columns=list(_TIMING))
+
     def sequence_curves(self) -> dict[str, "SequenceCurves"]:
         """The curves of every sequence, by run."""
         return {run.run: _sequence_curves(run.sequences) for run in self.runs}
@@ -233,3 +245,34 @@ def _sequence_curves(scores: Mapping[str, SequenceScores]) -> SequenceCurves:
         for metric in _THRESHOLDS
     ]
     return SequenceCurves(tuple(scores), *tables)
+
+
+_TIMING = (
+    *("run", "tracker", "enhancer", "scope", "device", "threads", "workers", "machine", "frames"),
+    *("read_ms", "enhance_ms", "track_ms", "first_frame_ms"),
+    *("frames_per_second", "end_to_end_frames_per_second"),
+)
+
+
+def _timing(run: RunScores) -> dict[str, Any]:
+    """The row of `Evaluation.timing`, empty where nothing is known."""
+    manifest = run.manifest
+    if manifest is None or manifest.timing is None:
+        return {}
+    times, session = manifest.timing, manifest.sessions[-1] if manifest.sessions else None
+    machine = session.machine if session else {}
+    stages = ("read", "enhance", "track", "first_frame")
+    return {
+        "run": run.run,
+        "tracker": run.tracker,
+        "enhancer": run.enhancer,
+        "scope": run.scope,
+        "device": manifest.device,
+        "threads": manifest.threads,
+        "workers": session.workers if session else 1,
+        "machine": machine.get("gpu") or machine.get("processor", ""),
+        "frames": times.frames,
+        **{f"{stage}_ms": 1000 * getattr(times, stage) for stage in stages},
+        "frames_per_second": times.frames_per_second,
+        "end_to_end_frames_per_second": times.end_to_end_frames_per_second,
+    }

@@ -7,12 +7,13 @@ if TYPE_CHECKING:
     from nat2024_reports.dataset_tables import statistics_markdown
     from nat2024_reports.formats import FORMATS, render
     from nat2024_reports.gains import relative_gain
-    from nat2024_reports.tables import ScoreTable, overall_table
+    from nat2024_reports.layouts import overall_table
+    from nat2024_reports.tables import Table
 
 _HOMES = {
     "FORMATS": "formats",
-    "ScoreTable": "tables",
-    "overall_table": "tables",
+    "Table": "tables",
+    "overall_table": "layouts",
     "relative_gain": "gains",
     "render": "formats",
     "statistics_markdown": "dataset_tables",
@@ -20,7 +21,7 @@ _HOMES = {
 
 __all__ = [
     "FORMATS",
-    "ScoreTable",
+    "Table",
     "overall_table",
     "relative_gain",
     "render",

@@ -7,7 +7,8 @@ import click
 
 from nat2024.cli import options as shared
 from nat2024.cli.output import print_json, print_table
-from nat2024.cli.scoring import Scoring, document, print_notes, print_scores, score, scoring_options
+from nat2024.cli.scoring import Scoring, document, print_notes, score, scoring_options
+from nat2024.cli.tables import print_scores
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -29,11 +30,7 @@ _SHOWN = {
     show_default=True,
     help="One row for each of these.",
 )
-@click.option(
-    "--computed-attributes",
-    is_flag=True,
-    help="Attributes computed from boxes and from every 10th frame, beside published ones.",
-)
+@shared.computed_attributes_option
 @shared.json_option
 @shared.messages
 def command(

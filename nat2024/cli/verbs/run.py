@@ -9,8 +9,9 @@ import click
 from nat2024.cli import options as shared
 from nat2024.cli.output import print_json
 from nat2024.cli.progress import ProgressBar
-from nat2024.cli.scoring import print_notes, print_scores
-from nat2024.errors import NatBenchError
+from nat2024.cli.scoring import print_notes
+from nat2024.cli.tables import print_scores
+from nat2024.errors import NatBenchError, UsageError
 
 if TYPE_CHECKING:
     from nat2024.engine import BenchmarkReport
@@ -29,8 +30,38 @@ log = logging.getLogger("nat2024")
 @shared.opts_option
 @shared.scope_option
 @shared.device_option
-@click.option("--workers", type=int, default=1, show_default=True, help="Processes.")
+@shared.backend_option
+@shared.precision_option
+@click.option(
+    "--workers", type=int, default=1, show_default=True, help="Processes, or jobs of the cluster."
+)
 @click.option("--threads", type=int, default=1, show_default=True, help="Threads of each worker.")
+@click.option(
+    "--batch",
+    type=int,
+    default=1,
+    show_default=True,
+    help="Sequences that advance in one forward, where a tracker can.",
+)
+@click.option(
+    "--cluster",
+    metavar="local|slurm|tcp://HOST:PORT",
+    help="Track on a Dask cluster instead of on this machine.",
+)
+@click.option("--shard", "part", metavar="I/N", help="Only one of N parts of like length, from 1.")
+@click.option(
+    "--timeout",
+    type=click.FloatRange(0, min_open=True),
+    metavar="SECONDS",
+    help="Give up a sequence that takes a combination longer.",
+)
+@click.option(
+    "--retries",
+    type=click.IntRange(0),
+    default=2,
+    show_default=True,
+    help="Try a sequence again whose worker died.",
+)
 @click.option(
     "--on-bad-frame",
     type=click.Choice(["error", "skip"]),
@@ -60,8 +91,15 @@ def command(
     opts: tuple[str, ...],
     scope: Any,
     device: str,
+    backend: Any,
+    precision: Any,
     workers: int,
     threads: int,
+    batch: int,
+    cluster: str | None,
+    part: str | None,
+    timeout: float | None,
+    retries: int,
     on_bad_frame: Any,
     read_ahead: int,
     sequences: str | None,
@@ -84,8 +122,12 @@ def command(
         weights=shared.read_pairs(weights, "--weights"),
         scope=scope,
         device=shared.choose_device(device),
+        backend=backend,
+        precision=precision,
     )
     chosen = _load(shared.choose_dataset(dataset), root, sequences, lenient)
+    if part is not None:
+        chosen = _part(chosen, part)
     with ProgressBar(len(combinations) * sum(map(len, chosen))) as progress:
         report = run_benchmark(
             combinations,
@@ -93,6 +135,10 @@ def command(
             results,
             workers=workers,
             threads=threads,
+            batch=batch,
+            cluster=cluster,
+            timeout=timeout,
+            retries=retries,
             on_bad_frame=on_bad_frame,
             read_ahead=read_ahead,
             plugins=plugins,
@@ -109,6 +155,18 @@ def _load(source: str, root: Path | None, sequences: str | None, lenient: bool) 
         return load_dataset(source, root, lenient=lenient)
     names = [name.strip() for name in sequences.split(",") if name.strip()]
     return load_dataset(source, root, unannotated=True, lenient=lenient).select(names)
+
+
+def _part(dataset: "Dataset", text: str) -> "Dataset":
+    from nat2024.engine import shard
+
+    number, _, count = text.partition("/")
+    if not (number.isdecimal() and count.isdecimal()):
+        msg = f"--shard {text!r}: expected I/N, such as 2/8"
+        raise UsageError(msg)
+    part = shard(dataset, int(number), int(count))
+    log.info("shard %s: %d of %d sequences", text, len(part), len(dataset))
+    return part
 
 
 def _print(report: "BenchmarkReport", dataset: "Dataset", as_json: bool) -> None:

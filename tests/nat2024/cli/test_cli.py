@@ -159,7 +159,7 @@ def test_tables_in_every_format(results: Path, tmp_path: Path, cli: Any) -> None
     _, console, _ = cli("table", "--results", results)
     assert "Precision" in console
     _, markdown, _ = cli("table", "--results", results, "--format", "markdown")
-    assert "| Tracker | Enhancer | Scope | Success | gain % |" in markdown
+    assert "| Tracker | Enhancer | Success | gain % |" in markdown
     _, csv, _ = cli("table", "--results", results, "--format", "csv")
     assert csv.startswith("Dataset,Protocol,Tracker,Enhancer,Scope,Success,Success gain %")
     out = tmp_path / "table.tex"

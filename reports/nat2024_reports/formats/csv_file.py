@@ -1,0 +1,34 @@
+"""Tables as one CSV file."""
+
+import csv
+import io
+import math
+from collections.abc import Sequence
+
+from nat2024_reports.tables import Cell, Column, Table
+
+
+def as_csv(tables: Sequence[Table]) -> str:
+    """Numbers in full precision; one heading line over the rows of all tables."""
+    files = [table.for_file() for table in tables]
+    facts = dict.fromkeys(fact for table in files for fact in table.facts)
+    names = dict.fromkeys(_name(column) for table in files for column in table.columns)
+    buffer = io.StringIO()
+    writer = csv.DictWriter(buffer, [*facts, *names], lineterminator="\n")
+    writer.writeheader()
+    for table in files:
+        for row in table.rows:
+            pairs = zip(table.columns, row, strict=True)
+            cells = {_name(column): _text(cell) for column, cell in pairs}
+            writer.writerow({**table.facts, **cells})
+    return buffer.getvalue()
+
+
+def _name(column: Column) -> str:
+    return column.name or column.heading
+
+
+def _text(cell: Cell) -> str:
+    if cell.value is None:
+        return cell.text
+    return "" if math.isnan(cell.value) else repr(cell.value)

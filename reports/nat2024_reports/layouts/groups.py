@@ -1,0 +1,159 @@
+"""Runs against attributes, or against categories of targets."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Literal
+
+from nat2024_reports.layouts.scores import (
+    NO_GAIN,
+    PLAIN,
+    SCORES,
+    Gain,
+    caption,
+    check_one,
+    doubts,
+    facts,
+    gain_cells,
+    gain_columns,
+    in_order,
+    names_of,
+)
+from nat2024_reports.tables import Cell, Column, Table, ranks, score, words
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_COMPUTED = "*"
+
+
+def groups_table(
+    summary: "pd.DataFrame",
+    scores: "pd.DataFrame",
+    by: Literal["attribute", "category"],
+    gains: "pd.DataFrame | None" = None,
+    *,
+    metric: str = "success_auc",
+    intervals: bool = False,
+) -> Table:
+    """One row a run, one column a group of sequences, the number of sequences in its heading.
+
+    Args:
+        summary: rows of `Evaluation.summary()` of one dataset and protocol.
+        scores: rows of `Evaluation.per_attribute()` or `.per_category()`.
+        by: which of both.
+        gains: rows of `Evaluation.gains(by=by)`.
+        metric: the score that is shown.
+        intervals: show gains with their intervals beside each score.
+
+    Raises:
+        ValueError: there are no groups, or several datasets or protocols.
+    """
+    check_one(summary, "dataset", "protocol")
+    if scores.empty:
+        msg = f"no sequence has {'an attribute' if by == 'attribute' else 'a category'}"
+        raise ValueError(msg)
+    sizes = {str(group): int(rows.sequences.max()) for group, rows in scores.groupby(by)}
+    groups = list(dict.fromkeys(scores[by].astype(str)))
+    computed = _computed(scores) if by == "attribute" else set()
+    columns = [Column(heading, is_words=True) for heading in ("Tracker", "Enhancer")]
+    columns.append(Column(f"all ({summary.sequences.max()})", "all"))
+    found = _gains(gains, by, metric)
+    for group in groups:
+        mark = _COMPUTED if group in computed else ""
+        columns.append(Column(f"{group}{mark} ({sizes[group]})", group, part=group))
+        columns += _only_shown(gain_columns(group, intervals=intervals), intervals)
+    values = {(r["run"], str(r[by])): r for r in scores.to_dict(orient="records")}
+    body = _body(summary, groups, values, found, metric, intervals=intervals)
+    shown = next(one.heading for one in SCORES if one.name == metric)
+    notes = [f"{_COMPUTED} computed from boxes and frames, not published"] if computed else []
+    notes += _small(sizes) + _incomplete(sizes, values)
+    notes += doubts(found.values()) if intervals else []
+    return Table(
+        f"{shown} on {caption(summary)}", tuple(columns), body, tuple(notes), facts(summary)
+    )
+
+
+def _computed(scores: "pd.DataFrame") -> set[str]:
+    return {
+        str(row["attribute"])
+        for row in scores.to_dict(orient="records")
+        if row["provenance"] in ("computed", "mixed")
+    }
+
+
+def _gains(gains: "pd.DataFrame | None", by: str, metric: str) -> dict[tuple[str, str], Gain]:
+    if gains is None:
+        return {}
+    rows = gains[gains.metric == metric].to_dict(orient="records")
+    return {
+        (row["run"], str(row[by])): Gain(
+            float(row["gain"]),
+            float(row["gain_low"]),
+            float(row["gain_high"]),
+            float(row["improved"]),
+            int(row["sequences"]),
+            bool(row["certain"]),
+        )
+        for row in rows
+    }
+
+
+def _only_shown(columns: list[Column], intervals: bool) -> list[Column]:
+    """Gains of groups are for those who ask for intervals, and for programs."""
+    if intervals:
+        return columns
+    return [Column(one.heading, one.name, part=one.part, where="file") for one in columns]
+
+
+def _body(
+    summary: "pd.DataFrame",
+    groups: list[str],
+    values: Mapping[tuple[str, str], Mapping[Any, Any]],
+    gains: Mapping[tuple[str, str], Gain],
+    metric: str,
+    *,
+    intervals: bool,
+) -> tuple[tuple[tuple[Cell, ...], ...], ...]:
+    ordered = in_order(summary)
+    runs = [run for group in ordered for run in group]
+
+    def value(run: Mapping[Any, Any], group: str) -> float:
+        return float(values.get((run["run"], group), {}).get(metric, float("nan")))
+
+    totals = dict(
+        zip((r["run"] for r in runs), ranks([float(r[metric]) for r in runs]), strict=True)
+    )
+    placed = {
+        group: dict(
+            zip((r["run"] for r in runs), ranks([value(r, group) for r in runs]), strict=True)
+        )
+        for group in groups
+    }
+    body = []
+    for rows in ordered:
+        lines = []
+        for run in rows:
+            name = run["run"]
+            enhancer = "-" if run["enhancer"] == PLAIN else run["enhancer"]
+            cells = [
+                words(run["tracker"]),
+                words(enhancer),
+                score(float(run[metric]), totals[name]),
+            ]
+            for group in groups:
+                cells.append(score(value(run, group), placed[group][name]))
+                cells += gain_cells(gains.get((name, group), NO_GAIN), intervals=intervals)
+            lines.append(tuple(cells))
+        body.append(tuple(lines))
+    return tuple(body)
+
+
+def _small(sizes: Mapping[str, int]) -> list[str]:
+    single = [group for group, count in sizes.items() if count == 1]
+    return [f"{names_of(single)}: one sequence only"] if single else []
+
+
+def _incomplete(
+    sizes: Mapping[str, int], values: Mapping[tuple[str, str], Mapping[Any, Any]]
+) -> list[str]:
+    runs = {run for (run, group), row in values.items() if row["sequences"] < sizes[group]}
+    return [f"not all sequences of every column: {names_of(sorted(runs))}"] if runs else []
