@@ -29,6 +29,7 @@ def dataset(tmp_path: Path) -> Path:
 @pytest.fixture
 def foreign(tmp_path: Path) -> Path:
     """Two runs as a repository would publish them."""
+    results = tmp_path / "release" / "results" / "clip"
     for run, shift in (("SiamRPN++", 100), ("LDE-SiamRPN++", 0)):
         for name, length in LENGTHS.items():
             rows = truth(length) + np.array([shift, 0, 0, 0])

@@ -126,7 +126,7 @@ def test_runs_with_nothing_to_score_say_why(
     path = tmp_path / "UAVDark135" / "VOT" / "baseline" / "car1" / "car1_001.txt"
     path.parent.mkdir(parents=True)
     path.write_text("1\n1,2,3,4\n")
-    with pytest.raises(DatasetNotFound, match="no result of any .* a VOT short-term result"):
+    with pytest.raises(DatasetNotFound, match=r"no result of any .* a VOT short-term result"):
         nat2024.evaluate(tmp_path, dataset)
     write(tmp_path / "UAVDark135" / "HiFT")
     with caplog.at_level(logging.WARNING, "nat2024"):
