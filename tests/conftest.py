@@ -28,6 +28,16 @@ def no_registered_weights(tmp_path_factory: pytest.TempPathFactory) -> Iterator[
         yield
 
 
+@pytest.fixture(scope="session", autouse=True)
+def shared_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """One cache for all test workers, so that a network is exported once, and none of the user."""
+    base = tmp_path_factory.getbasetemp()
+    folder = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("NAT2024_CACHE", str(folder / "cache"))
+        yield
+
+
 @pytest.fixture(scope="session")
 def night_clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A dataset of three rendered sequences, 8 frames of 160x96; `wide` has a wide target."""

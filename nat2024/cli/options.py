@@ -87,13 +87,6 @@ scope_option = click.option(
 device_option = click.option(
     "--device", default="auto", show_default=True, help="cpu, cuda, cuda:N; auto takes CUDA if any."
 )
-backend_option = click.option(
-    "--backend",
-    type=click.Choice(["auto", "torch", "onnxruntime", "openvino", "tensorrt"]),
-    default="auto",
-    show_default=True,
-    help="What runs networks; auto takes the fastest one installed that gives torch's numbers.",
-)
 precision_option = click.option(
     "--precision",
     type=click.Choice(["float32", "bfloat16"]),
@@ -121,6 +114,17 @@ on_length_option = click.option(
     type=click.Choice(["error", "pad", "cut"]),
     help="Results and truth of unequal length; left out, the protocol decides.",
 )
+
+
+def backend_option(default: str) -> Callable[[_Function], _Function]:
+    """`--backend`, with a default of the verb's own."""
+    return click.option(
+        "--backend",
+        type=click.Choice(["auto", "torch", "onnxruntime", "openvino", "tensorrt"]),
+        default=default,
+        show_default=True,
+        help="What runs networks; auto: the fastest one installed that gives torch's numbers.",
+    )
 
 
 def messages(function: _Function) -> _Function:

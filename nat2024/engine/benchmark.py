@@ -12,12 +12,12 @@ from nat2024.engine.active_run import ActiveRun, bundled_weights
 from nat2024.engine.lockstep import Reading
 from nat2024.engine.machine import machine, process_name, timestamp, versions
 from nat2024.engine.methods import BatchTracker
-from nat2024.engine.plan import Combination, describe, untouched_options
+from nat2024.engine.plan import Combination, as_begun, describe, untouched_options
 from nat2024.engine.planning import plan_units
 from nat2024.engine.units import Outcome, Progress, Trackers, Unit
 from nat2024.engine.workers import Setting, computing_threads, run_in_process, run_in_workers
 from nat2024.errors import DatasetIncomplete, UsageError
-from nat2024.store import DatasetRecord, OnBadFrame, Session
+from nat2024.store import DatasetRecord, OnBadFrame, RunFolder, Session
 from nat2024.types import Dataset
 
 if TYPE_CHECKING:
@@ -186,6 +186,7 @@ def _check(combinations: list[Combination], dataset: Dataset, way: _Way) -> None
 def _open(
     combination: Combination, trackers: Trackers, dataset: Dataset, folder: Path, way: _Way
 ) -> ActiveRun:
+    combination = as_begun(combination, RunFolder(folder / combination.run).manifest())
     tracker, enhancer = trackers.create(combination)
     batch = way.batch if isinstance(tracker, BatchTracker) else 1
     if batch != way.batch:

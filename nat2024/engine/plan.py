@@ -5,6 +5,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
+from nat2024.backends import BackendWish, Precision, backends_of
 from nat2024.engine.sharing import SharedFrames
 from nat2024.engine.timing import TimedEnhancer
 from nat2024.errors import UsageError
@@ -15,6 +16,7 @@ from nat2024.registry import (
     create_tracker,
     list_plugins,
     load_plugin,
+    plugin_options,
     resolve_options,
 )
 from nat2024.store import (
@@ -103,6 +105,8 @@ def combine(
     weights: Mapping[str, str] | None = None,
     scope: Scope | None = None,
     device: str = "cpu",
+    backend: BackendWish = "torch",
+    precision: Precision = "float32",
 ) -> list[Combination]:
     """Every tracker with every enhancer.
 
@@ -113,9 +117,12 @@ def combine(
         weights: path by `NAME[@LABEL]`.
         scope: what is enhanced, for all; None leaves each tracker its own default.
         device: where networks run.
+        backend: what runs networks, for all that have this option.
+        precision: what the backend computes in, likewise.
 
     Raises:
-        UsageError: a name twice, or options or weights for something that is not run.
+        UsageError: a name twice, options or weights for something that is not run, or a backend
+            that is not installed.
         UnknownPlugin, InvalidOption: as the registry says.
     """
     options, weights = options or {}, weights or {}
@@ -128,6 +135,9 @@ def combine(
                 msg = f"scope {scope} for all, but {spec.title}.scope={spec.options['scope']}"
                 raise UsageError(msg)
         tracker_specs = [replace(s, options={**s.options, "scope": scope}) for s in tracker_specs]
+    tracker_specs = [with_backend(s, "tracker", backend, precision) for s in tracker_specs]
+    enhancer_specs = [with_backend(s, "enhancer", backend, precision) for s in enhancer_specs]
+    backends_of(backend, device, precision)
     for tracker_spec in tracker_specs:
         resolve_options(load_plugin(tracker_spec.name, "tracker"), tracker_spec.options)
     for enhancer_spec in enhancer_specs:
@@ -137,6 +147,35 @@ def combine(
         for tracker in tracker_specs
         for enhancer in enhancer_specs
     ]
+
+
+def with_backend(
+    spec: PluginSpec, kind: Kind, backend: BackendWish, precision: Precision
+) -> PluginSpec:
+    """The plugin run by a backend, where it has that option and none was given for it alone."""
+    known = plugin_options(load_plugin(spec.name, kind))
+    wanted = {"backend": backend, "precision": precision}
+    chosen = {key: value for key, value in wanted.items() if key in known}
+    return replace(spec, options={**chosen, **spec.options})
+
+
+def as_begun(combination: Combination, stored: Manifest | None) -> Combination:
+    """A combination for a run that was begun: "auto" is the backend that it was begun with."""
+    if stored is None:
+        return combination
+    tracker = _spec_as_begun(combination.tracker, stored.tracker)
+    enhancer = combination.enhancer
+    if enhancer is not None and stored.enhancer is not None:
+        enhancer = _spec_as_begun(enhancer, stored.enhancer)
+    return replace(combination, tracker=tracker, enhancer=enhancer)
+
+
+def _spec_as_begun(spec: PluginSpec, stored: PluginRecord) -> PluginSpec:
+    if spec.options.get("backend") != "auto":
+        return spec
+    return replace(
+        spec, options={**spec.options, "backend": stored.options.get("backend", "torch")}
+    )
 
 
 def refuse_unused(
@@ -210,7 +249,7 @@ def plugin_record(spec: PluginSpec, plugin: Tracker | Enhancer) -> PluginRecord:
     """What a manifest keeps of a created plugin: its full resolved options and its weights."""
     implied = plugin.weights.options if plugin.weights else {}  # by registered weights
     options = resolve_options(type(plugin), {**implied, **spec.options})
-    for key in [key for key, value in options.items() if value is None]:
+    for key in [key for key, value in options.items() if value in (None, "auto")]:
         chosen = getattr(plugin, key, None)  # what the plugin made of "as you like"
         options[key] = chosen if isinstance(chosen, bool | int | float | str) else None
     return PluginRecord(
@@ -226,16 +265,20 @@ def untouched_options(
     combination: Combination, tracker: Tracker, enhancer: Enhancer | None
 ) -> frozenset[tuple[str, str]]:
     """(`NAME[@LABEL]`, option) of all options of a created combination at their defaults."""
-    found = set()
-    for spec, plugin in ((combination.tracker, tracker), (combination.enhancer, enhancer)):
-        if spec is None or plugin is None:
-            continue
-        usual = resolve_options(type(plugin), {})
-        implied = plugin.weights.options if plugin.weights else {}
-        for key, value in resolve_options(type(plugin), {**implied, **spec.options}).items():
-            if value == usual[key]:
-                found.add((spec.title, key))
-    return frozenset(found)
+    return frozenset(
+        (spec.title, key)
+        for spec, plugin in ((combination.tracker, tracker), (combination.enhancer, enhancer))
+        if spec is not None and plugin is not None
+        for key in options_at_default(spec, plugin)
+    )
+
+
+def options_at_default(spec: PluginSpec, plugin: Tracker | Enhancer) -> frozenset[str]:
+    """The options of a created plugin that are at their defaults."""
+    usual = resolve_options(type(plugin), {})
+    implied = plugin.weights.options if plugin.weights else {}
+    chosen = resolve_options(type(plugin), {**implied, **spec.options})
+    return frozenset(key for key, value in chosen.items() if value == usual[key])
 
 
 def _weights_record(weights: Weights | None) -> WeightsRecord | None:

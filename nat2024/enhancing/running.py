@@ -7,9 +7,17 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeAlias
 
+from nat2024.backends import BackendWish, Precision
 from nat2024.datasets.video_writing import VIDEO_ENDING, VideoFile, can_be_video
 from nat2024.devices import check_device
-from nat2024.engine.plan import PluginSpec, plugin_record, plugin_specs, refuse_unused
+from nat2024.engine.plan import (
+    PluginSpec,
+    options_at_default,
+    plugin_record,
+    plugin_specs,
+    refuse_unused,
+    with_backend,
+)
 from nat2024.enhancing.annotation import write_annotation
 from nat2024.enhancing.feeding import Feed, enhance
 from nat2024.enhancing.pictures import Picture, encode_picture
@@ -92,6 +100,8 @@ def enhance_images(
     options: Mapping[str, Mapping[str, Any]] | None = None,
     weights: Mapping[str, str] | None = None,
     device: str = "cpu",
+    backend: BackendWish = "torch",
+    precision: Precision = "float32",
     feed: Feed = "image",
     quality: int = 95,
     frames_only: bool = False,
@@ -112,6 +122,8 @@ def enhance_images(
         options: by `NAME[@LABEL]`, then by option.
         weights: path of a checkpoint by `NAME[@LABEL]`.
         device: where networks run.
+        backend: what runs them, for all that have this option.
+        precision: what the backend computes in, likewise.
         feed: "image" feeds colours as the authors' stand-alone tests do, "tracker" BGR as a
             tracker feeds frames.
         quality: of JPEG, 1..100.
@@ -129,14 +141,14 @@ def enhance_images(
     """
     found = source if isinstance(source, Source) else find_source(source)
     options, weights, out = options or {}, weights or {}, Path(out)
-    specs = _specs(enhancers, options, weights)
+    specs = _specs(enhancers, options, weights, backend, precision)
     _check(found, out, specs, quality)
     made = _create(specs, device)
     jobs = []
     told: list[str] = []  # shared, so that it is said once
     for spec, enhancer in zip(specs, made, strict=True):
         record = _record(found, spec, enhancer, device, feed, quality, frames_only)
-        open_folder(out / spec.title, record)
+        open_folder(out / spec.title, record, options_at_default(spec, enhancer))
         jobs.append(
             _Job(
                 spec.title,
@@ -179,9 +191,11 @@ def create_enhancers(
     options: Mapping[str, Mapping[str, Any]] | None = None,
     weights: Mapping[str, str] | None = None,
     device: str = "cpu",
+    backend: BackendWish = "torch",
+    precision: Precision = "float32",
 ) -> dict[str, Enhancer]:
     """The enhancers by `NAME[@LABEL]`; arguments and errors as of `enhance_images`."""
-    specs = _specs(enhancers, options or {}, weights or {})
+    specs = _specs(enhancers, options or {}, weights or {}, backend, precision)
     titles = (spec.title for spec in specs)
     return dict(zip(titles, _create(specs, device), strict=True))
 
@@ -190,13 +204,15 @@ def _specs(
     enhancers: Iterable[str],
     options: Mapping[str, Mapping[str, Any]],
     weights: Mapping[str, str],
+    backend: BackendWish,
+    precision: Precision,
 ) -> list[PluginSpec]:
     specs = plugin_specs("enhancer", enhancers, options, weights)
     refuse_unused(specs, options, weights)
     if not specs:
         msg = "name at least one enhancer"
         raise UsageError(msg)
-    return specs
+    return [with_backend(spec, "enhancer", backend, precision) for spec in specs]
 
 
 def _create(specs: Iterable[PluginSpec], device: str) -> list[Enhancer]:

@@ -1,5 +1,6 @@
 """What made a folder of enhanced images, kept beside it, so that other settings are refused."""
 
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
@@ -41,8 +42,14 @@ def record_path(folder: Path) -> Path:
     return folder.with_name(f"{folder.name}.json")
 
 
-def open_folder(folder: Path, wanted: EnhancementRecord) -> None:
+def open_folder(folder: Path, wanted: EnhancementRecord, untouched: Collection[str] = ()) -> None:
     """Claim a folder for these settings, new or begun with the same.
+
+    Args:
+        folder: of the enhanced images.
+        wanted: the settings.
+        untouched: options at their defaults. A folder made before such an option existed agrees,
+            since the default is what it was made with.
 
     Raises:
         ResultConflict: it was made with other settings (says which), or holds files and no record.
@@ -56,7 +63,12 @@ def open_folder(folder: Path, wanted: EnhancementRecord) -> None:
             raise ResultConflict(msg)
         write_atomic(path, msgspec.json.format(msgspec.json.encode(wanted), indent=2) + b"\n")
         return
-    differences = _differences(_settings(stored), _settings(wanted))
+    old, new = _settings(stored), _settings(wanted)
+    for option in untouched:
+        key = f"{wanted.enhancer.title}.{option}"
+        if key in new:
+            old.setdefault(key, new[key])
+    differences = _differences(old, new)
     if differences:
         msg = (
             f"{folder} was made with other settings: {'; '.join(differences)}; give the enhancer "

@@ -27,13 +27,6 @@ def on_every_runtime(names: tuple[str, ...]) -> list[object]:
     ]
 
 
-@pytest.fixture(autouse=True, scope="module")
-def own_cache(tmp_path_factory: pytest.TempPathFactory) -> object:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("NAT2024_CACHE", str(tmp_path_factory.mktemp("cache")))
-        yield
-
-
 @pytest.mark.parametrize(("name", "backend"), on_every_runtime(ENHANCERS))
 def test_enhancers(name: str, backend: str) -> None:
     torch.manual_seed(0)

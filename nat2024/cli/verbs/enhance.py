@@ -45,6 +45,8 @@ _LINES = 8
 @shared.weights_option
 @shared.opts_option
 @shared.device_option
+@shared.backend_option("torch")
+@shared.precision_option
 @click.option(
     "--feed",
     type=click.Choice(["image", "tracker"]),
@@ -86,6 +88,8 @@ def command(
     weights: tuple[str, ...],
     opts: tuple[str, ...],
     device: str,
+    backend: Any,
+    precision: Any,
     feed: Any,
     as_images: bool,
     sequences: str | None,
@@ -122,6 +126,8 @@ def command(
         "options": shared.read_plugin_options(opts),
         "weights": shared.read_pairs(weights, "--weights"),
         "device": shared.choose_device(device),
+        "backend": backend,
+        "precision": precision,
     }
     check_files(wanted, (measuring.csv_file, measuring.fit_curve))
     observer = measuring.start(titles, count_images(found), asked["device"])

@@ -42,6 +42,8 @@ log = logging.getLogger("nat2024")
 @shared.opts_option
 @shared.scope_option
 @shared.device_option
+@shared.backend_option("auto")
+@shared.precision_option
 @click.option("--threads", type=click.IntRange(1), default=1, show_default=True)
 @shared.plugin_option
 @click.option("--markdown", is_flag=True, help="Print the table as Markdown.")
@@ -61,6 +63,8 @@ def command(
     opts: tuple[str, ...],
     scope: Any,
     device: str,
+    backend: Any,
+    precision: Any,
     threads: int,
     plugins: tuple[str, ...],
     markdown: bool,
@@ -83,6 +87,8 @@ def command(
         weights=shared.read_pairs(weights, "--weights"),
         scope=scope,
         device=shared.choose_device(device),
+        backend=backend,
+        precision=precision,
     )
     if fresh_weights:
         combinations = [_with_fresh_weights(combination) for combination in combinations]
@@ -148,8 +154,6 @@ def _print(profiles: "list[Profile]", markdown: bool) -> None:
     if not markdown:
         print_table(headings, rows, title=title)
         return
-    click.echo(f"{title}\n")
-    click.echo("| " + " | ".join(headings) + " |")
-    click.echo("| --- |" + " ---: |" * (len(headings) - 1))
-    for row in rows:
-        click.echo("| " + " | ".join(row) + " |")
+    from nat2024_reports.formats.markdown import pipe_table
+
+    click.echo(f"{title}\n\n{pipe_table(headings, rows)}", nl=False)

@@ -30,7 +30,7 @@ log = logging.getLogger("nat2024")
 @shared.opts_option
 @shared.scope_option
 @shared.device_option
-@shared.backend_option
+@shared.backend_option("auto")
 @shared.precision_option
 @click.option(
     "--workers", type=int, default=1, show_default=True, help="Processes, or jobs of the cluster."

@@ -59,6 +59,8 @@ _LATER_FILES = ("overlay.webm", "summary.json", *_ERROR_FILES)
 @shared.opts_option
 @shared.scope_option
 @shared.device_option
+@shared.backend_option("auto")
+@shared.precision_option
 @click.option("--threads", type=click.IntRange(1), help="Threads of the networks.")
 @shared.plugin_option
 @shared.json_option
@@ -79,6 +81,8 @@ def command(
     opts: tuple[str, ...],
     scope: Any,
     device: str,
+    backend: Any,
+    precision: Any,
     threads: int | None,
     plugins: tuple[str, ...],
     as_json: bool,
@@ -104,6 +108,8 @@ def command(
         weights=shared.read_pairs(weights, "--weights"),
         scope=scope,
         device=shared.choose_device(device),
+        backend=backend,
+        precision=precision,
     )
     if threads:
         import torch

@@ -52,6 +52,19 @@ def test_a_second_run_makes_only_what_is_missing(folder: Path, tmp_path: Path) -
     assert (out / "gamma" / "b.png").stat().st_mtime_ns == kept
 
 
+def test_a_folder_from_before_an_option_existed_goes_on(folder: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    enhance_images(folder, ["gamma"], out)
+    record = out / "gamma.json"
+    text = record.read_text()
+    assert '"gamma": 0.5' in text
+    record.write_text(text.replace('"gamma": 0.5', ""))
+    (one,) = enhance_images(folder, ["gamma"], out).enhancers
+    assert one.finished_before == 3
+    with pytest.raises(ResultConflict, match=r"gamma\.gamma unset \(now 0\.3\)"):
+        enhance_images(folder, ["gamma"], out, options={"gamma": {"gamma": 0.3}})
+
+
 @pytest.mark.parametrize(
     ("change", "told"),
     [
