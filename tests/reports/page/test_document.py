@@ -82,7 +82,7 @@ def test_scripts_read_no_text_as_html_or_code() -> None:
         ):
             assert word not in text, name
         assert len(text.splitlines()) < 200, name
-        assert max(map(len, text.splitlines())) <= 150, name
+        assert max(map(len, text.splitlines())) <= 120, name
 
 
 @pytest.mark.parametrize("name", HOSTILE)

@@ -16,20 +16,28 @@ function logarithmic(from, to, start, end) {
 function chart({ width = 400, height = 270, label, x, y, left = 42, right = 8, top = 8, bottom = 36, className = "" }) {
   const xs = (x.log ? logarithmic : linear)(x.from, x.to, left, width - right);
   const ys = (y.log ? logarithmic : linear)(y.from, y.to, height - bottom, top);
-  const node = drawn("svg", { class: `chart ${className}`, viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": label });
+  const node = drawn("svg", {
+    class: `chart ${className}`, viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": label,
+  });
   for (const value of y.ticks || ticks(y.from, y.to, 5)) {
-    node.append(drawn("line", { class: "grid", x1: left, x2: width - right, y1: ys(value), y2: ys(value) }),
-      drawn("text", { x: left - 6, y: ys(value) + 3.5, "text-anchor": "end" }, y.format ? y.format(value) : value));
+    node.append(
+      drawn("line", { class: "grid", x1: left, x2: width - right, y1: ys(value), y2: ys(value) }),
+      drawn("text", { x: left - 6, y: ys(value) + 3.5, "text-anchor": "end" }, y.format ? y.format(value) : value),
+    );
   }
+  const floor = height - bottom;
   for (const value of x.ticks || ticks(x.from, x.to, 5)) {
-    node.append(drawn("line", { class: "axis", x1: xs(value), x2: xs(value), y1: height - bottom, y2: height - bottom + 4 }),
-      drawn("text", { x: xs(value), y: height - bottom + 15, "text-anchor": "middle" }, x.format ? x.format(value) : value));
+    node.append(
+      drawn("line", { class: "axis", x1: xs(value), x2: xs(value), y1: floor, y2: floor + 4 }),
+      drawn("text", { x: xs(value), y: floor + 15, "text-anchor": "middle" }, x.format ? x.format(value) : value),
+    );
   }
-  node.append(drawn("path", { class: "axis", d: `M${left} ${height - bottom}H${width - right}` }));
-  if (x.title) node.append(drawn("text", { x: (left + width - right) / 2, y: height - 4, "text-anchor": "middle" }, x.title));
+  node.append(drawn("path", { class: "axis", d: `M${left} ${floor}H${width - right}` }));
+  const middle = (left + width - right) / 2;
+  if (x.title) node.append(drawn("text", { x: middle, y: height - 4, "text-anchor": "middle" }, x.title));
   if (y.title) {
-    node.append(drawn("text", { x: 0, y: 0, "text-anchor": "middle",
-      transform: `translate(10 ${(top + height - bottom) / 2}) rotate(-90)` }, y.title));
+    const transform = `translate(10 ${(top + floor) / 2}) rotate(-90)`;
+    node.append(drawn("text", { "text-anchor": "middle", transform }, y.title));
   }
   return { node, xs, ys, width, height, left, right, top, bottom };
 }
@@ -55,5 +63,8 @@ function pathOf(xs, ys, places, values) {
 function placeOf(node, event) {
   const box = node.getBoundingClientRect();
   const size = node.viewBox.baseVal;
-  return [((event.clientX - box.left) / box.width) * size.width, ((event.clientY - box.top) / box.height) * size.height];
+  return [
+    ((event.clientX - box.left) / box.width) * size.width,
+    ((event.clientY - box.top) / box.height) * size.height,
+  ];
 }

@@ -10,8 +10,8 @@ function controls(view) {
     view.sequence < 0 && subsetChooser(view),
     names("tracker").length > 1 && chooser("Tracker", "tracker", state.tracker,
       [["", "All trackers"], ...names("tracker").map((name) => [name, name])]),
-    names("enhancer").length > 1 && chooser("Enhancer", "enhancer", state.enhancer,
-      [["", "All enhancers"], ...names("enhancer").map((name) => [name, name === "none" ? "none (plain tracker)" : name])]),
+    names("enhancer").length > 1 && chooser("Enhancer", "enhancer", state.enhancer, [["", "All enhancers"],
+      ...names("enhancer").map((name) => [name, name === "none" ? "none (plain tracker)" : name])]),
     dataset.protocols.length > 1 && chooser("Protocol", "protocol", view.protocol.title,
       dataset.protocols.map((one) => [one.title, one.title]),
       (value) => ({ protocol: value === dataset.protocols[0].title ? "" : value })),
@@ -37,7 +37,8 @@ function emptyState() {
 }
 
 function chooser(title, key, value, choices, changes) {
-  const options = choices.map(([choice, text]) => element("option", { value: choice, selected: choice === value }, text));
+  const options = choices.map(([choice, text]) =>
+    element("option", { value: choice, selected: choice === value }, text));
   return element("label", {}, title, element("select", {
     name: key, "aria-label": title, "data-focus": `choose-${key}`,
     on: { change: (event) => choose(changes ? changes(event.target.value) : { [key]: event.target.value }) },
@@ -48,7 +49,7 @@ function subsetChooser(view) {
   const subsets = view.dataset.subsets;
   if (subsets.length < 2) return null;
   const option = (one) => element("option", { value: subsetKey(one), selected: one === view.subset },
-    one.kind === "all" ? "All" : `${one.name}${isComputed(one.provenance) ? "\u2020" : ""}`, ` (${one.sequences.length})`);
+    one.kind === "all" ? "All" : one.name, isComputed(one.provenance) && "\u2020", ` (${one.sequences.length})`);
   const group = (kind, title) => {
     const found = subsets.filter((one) => one.kind === kind);
     return found.length > 0 && element("optgroup", { label: title }, found.map(option));
@@ -61,7 +62,8 @@ function subsetChooser(view) {
 
 function finder(state) {
   return element("label", {}, "Find a sequence", element("input", {
-    type: "search", name: "find", "aria-label": "Find a sequence", value: state.find, autocomplete: "off", spellcheck: "false", "data-focus": "find",
+    type: "search", name: "find", "aria-label": "Find a sequence", value: state.find,
+    autocomplete: "off", spellcheck: "false", "data-focus": "find",
     on: { input: (event) => choose({ find: event.target.value }, { quietly: true }) },
   }));
 }

@@ -2,7 +2,8 @@
 
 const PANELS = [
   { key: "success", title: "Success", score: "success_auc", x: "Overlap threshold", y: "Success rate" },
-  { key: "precision", title: "Precision", score: "precision_20", x: "Centre location error threshold (px)", y: "Precision", mark: 20 },
+  { key: "precision", title: "Precision", score: "precision_20", x: "Centre location error threshold (px)",
+    y: "Precision", mark: 20 },
   { key: "normalized_precision", title: "Normalized precision", score: "normalized_precision_20",
     x: "Normalized centre error threshold", y: "Normalized precision", mark: 0.2 },
 ];
@@ -10,8 +11,23 @@ const PANELS = [
 function curves(view) {
   const panels = PANELS.filter((panel) => view.scores.curves[panel.key]).map((panel) => curvePanel(view, panel));
   const content = panels.length ? element("div", { class: "panels" }, panels)
-    : element("p", { class: "note" }, "No curve has a number under these choices.");
-  return section("curves", `Curves: ${subsetTitle(view.subset).toLowerCase()}`, content);
+    : note("No curve has a number under these choices.");
+  return section("curves", curvesTitle(view), view.runs.length > 1 && panels.length > 0 && switches(view), content);
+}
+
+function curvesTitle(view) {
+  return view.subset.kind === "all" ? "Curves: all sequences" : `Curves: ${subsetTitle(view.subset)}`;
+}
+
+// Everything on or off at once, so that a few of many runs are quickly alone.
+function switches(view) {
+  const names = view.runs.map((run) => run.name);
+  const others = view.state.off.filter((name) => !names.includes(name));
+  const press = (text, off, key) => element("button", {
+    type: "button", "data-focus": key, on: { click: () => choose({ off }) },
+  }, text);
+  return element("p", { class: "switches" }, press("Show all", others, "show-all"),
+    press("Hide all", [...others, ...names], "hide-all"));
 }
 
 function curvePanel(view, panel) {

@@ -30,6 +30,14 @@ function section(id, title, ...children) {
     element("h2", { id: `title-${id}` }, title), children);
 }
 
+function note(...words) {
+  return element("p", { class: "note" }, words);
+}
+
+function named(text) {
+  return element("span", { class: "name" }, text);
+}
+
 function byId(id) {
   return document.getElementById(id);
 }

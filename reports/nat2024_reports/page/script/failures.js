@@ -4,8 +4,9 @@ function failures(view) {
   const table = view.dataset.failures;
   const title = "Losses";
   if (!table) {
-    return section("failures", title, element("p", { class: "note" }, "Losses were not analysed for these results."));
+    return section("failures", title, note("Losses were not analysed for these results."));
   }
+  const nameOf = (row) => view.dataset.sequences[row.sequence].name;
   const shownRuns = new Map(view.visible.map((run) => [run.number, run]));
   const inSubset = new Set(view.subset.sequences);
   const wanted = view.state.find.trim().toLowerCase();
@@ -13,21 +14,21 @@ function failures(view) {
     && matches(view.dataset.sequences[row.sequence], wanted));
   const columns = [
     { key: "run", title: "Run", class: () => "together", value: (row) => shownRuns.get(row.run).label,
-      cell: (row) => [sample(shownRuns.get(row.run)), " ", element("span", { class: "name" }, shownRuns.get(row.run).label)] },
-    { key: "sequence", title: "Sequence", value: (row) => view.dataset.sequences[row.sequence].name,
-      cell: (row) => element("span", { class: "name" }, view.dataset.sequences[row.sequence].name) },
+      cell: (row) => [sample(shownRuns.get(row.run)), " ", named(shownRuns.get(row.run).label)] },
+    { key: "sequence", title: "Sequence", value: (row) => nameOf(row), cell: (row) => named(nameOf(row)) },
     ...table.columns.map((column) => ({
       key: column.key, title: column.title, hint: column.hint, number: column.decimals !== null,
-      value: (row) => row[column.key], cell: (row) => shown(row[column.key], column.decimals === null ? 3 : column.decimals),
+      value: (row) => row[column.key], cell: (row) => shown(row[column.key], column.decimals || 0),
     })),
   ];
-  if (!rows.length) return section("failures", title, element("p", { class: "note" }, "No loss among the runs and sequences shown."));
+  if (!rows.length) return section("failures", title, note("No loss among the runs and sequences shown."));
   return section("failures", `${title} (${rows.length})`, sortableTable(view, {
     name: "failures", columns, rows, tall: true,
     caption: `${view.dataset.name}: a row opens its sequence.`,
-    attributes: (row) => ({ "data-run": row.run, focus: `failure-${row.run}-${row.sequence}-${table.rows.indexOf(row)}`, on: lighting(row.run) }),
-    act: (row) => choose({ sequence: view.dataset.sequences[row.sequence].name,
-      frame: isKnown(row.first_loss) ? String(row.first_loss) : "" }),
+    attributes: (row) => ({
+      "data-run": row.run, focus: `failure-${row.run}-${row.sequence}`, on: lighting(row.run),
+    }),
+    act: (row) => choose({ sequence: nameOf(row), frame: isKnown(row.first_loss) ? String(row.first_loss) : "" }),
   }));
 }
 
@@ -43,30 +44,39 @@ function againstLight(view) {
     })))
     .filter((point) => isKnown(point.x) && isKnown(point.y));
   if (!points.length) {
-    return section("light", title, element("p", { class: "note" }, scatterReason(view)));
+    return section("light", title, note(scatterReason(view)));
   }
   const [low, high] = [Math.min(...points.map((p) => p.x)), Math.max(...points.map((p) => p.x))];
   const reach = Math.max(0.02, ...points.map((p) => Math.abs(p.y))) * 1.08;
   const pad = (high - low || 1) * 0.04;
   const drawing = chart({ width: 720, height: 360, left: 52, label: `${title}; one point a sequence and run`,
     x: { from: low - pad, to: high + pad, title: view.light.hint || view.light.title },
-    y: { from: -reach, to: reach, title: `Difference in ${view.metric.title.toLowerCase()}`, format: (value) => (value ? signed(value, 2) : "0") } });
+    y: { from: -reach, to: reach, title: `Difference in ${view.metric.title.toLowerCase()}`,
+      format: (value) => (value ? signed(value, 2) : "0") } });
   const { node, xs, ys } = drawing;
   node.append(drawn("line", { class: "limit", x1: xs(low - pad), x2: xs(high + pad), y1: ys(0), y2: ys(0) }));
   const reading = drawn("text", { class: "reading", x: 712, y: 20, "text-anchor": "end" });
   for (const point of points) {
-    node.append(drawn("circle", { class: `point c${point.run.color}`, "data-run": point.run.number, cx: xs(point.x), cy: ys(point.y), r: 4.2,
-      on: {
-        pointerenter: () => { reading.textContent = `${point.sequence.name}, ${point.run.label}: ${signed(point.y, 3)}`; light(point.run.number); },
-        pointerleave: () => { reading.textContent = ""; light(null); },
-        click: () => choose({ sequence: point.sequence.name, frame: "" }),
-      } }));
+    const read = () => {
+      reading.textContent = `${point.sequence.name}, ${point.run.label}: ${signed(point.y, 3)}`;
+      light(point.run.number);
+    };
+    const leave = () => {
+      reading.textContent = "";
+      light(null);
+    };
+    const open = () => choose({ sequence: point.sequence.name, frame: "" });
+    node.append(drawn("circle", {
+      class: `point c${point.run.color}`, "data-run": point.run.number, cx: xs(point.x), cy: ys(point.y), r: 4.2,
+      on: { pointerenter: read, pointerleave: leave, click: open },
+    }));
   }
   node.append(reading);
   const correlation = points.length > 2 ? rankCorrelation(points) : NaN;
   return section("light", title, choice, element("figure", {}, node, element("figcaption", { class: "note" },
     "One point a sequence and enhanced run; above the line the enhancer helped. ",
-    isKnown(correlation) && `Spearman\u2019s rank correlation over the ${points.length} points: ${signed(correlation, 2)}. `,
+    isKnown(correlation)
+      && `Spearman\u2019s rank correlation over the ${points.length} points: ${signed(correlation, 2)}. `,
     "A point opens its sequence; the table of sequences has the same numbers.")));
 }
 
@@ -77,8 +87,11 @@ function lightChooser(view) {
 }
 
 function scatterReason(view) {
-  if (!view.dataset.sequences.some((one) => isKnown(one.light[view.light.key]))) return "The light in these sequences was not measured: there were no frames, or they were left out.";
-  return "No point to draw: that takes a tracker with an enhancer and the same tracker without, on sequences with measured light.";
+  if (!view.dataset.sequences.some((one) => isKnown(one.light[view.light.key]))) {
+    return "The light in these sequences was not measured: there were no frames, or they were left out.";
+  }
+  return "No point to draw: that takes a tracker with an enhancer and the same tracker without, both shown, "
+    + "on sequences with measured light.";
 }
 
 function rankCorrelation(points) {

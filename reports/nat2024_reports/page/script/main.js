@@ -9,7 +9,7 @@ function start() {
   byId("static").remove();
   history.scrollRestoration = "manual";
   window.addEventListener("hashchange", render);
-  window.addEventListener("scroll", () => { if (lastView !== null) scrolled.set(lastView, window.scrollY); }, { passive: true });
+  window.addEventListener("scroll", () => scrolled.set(lastView, window.scrollY), { passive: true });
   document.querySelector(".skip").addEventListener("click", (event) => {
     event.preventDefault();
     byId("main").focus();
@@ -20,8 +20,9 @@ function start() {
 }
 
 function render() {
-  const focus = document.activeElement && document.activeElement.dataset ? document.activeElement.dataset.focus : undefined;
-  const caret = document.activeElement && document.activeElement.selectionStart;
+  const active = document.activeElement || document.body;
+  const { focus } = active.dataset;
+  const caret = active.selectionStart;
   const inner = [...document.querySelectorAll("[data-table]")].map((table) =>
     [table.dataset.table, table.parentNode.scrollTop, table.parentNode.scrollLeft]);
   const view = select(readState());
@@ -42,10 +43,12 @@ function render() {
 
 function overviewParts(view) {
   const { remarks } = view.dataset;
-  const unknown = view.state.sequence && element("p", { class: "remarks" }, `There is no sequence ${view.state.sequence} in ${view.dataset.name}.`);
+  const unknown = view.state.sequence
+    && element("p", { class: "remarks" }, `There is no sequence ${view.state.sequence} in ${view.dataset.name}.`);
+  const items = remarks.map((text) => element("li", {}, text));
   return [
     unknown,
-    remarks.length > 0 && element("ul", { class: "remarks", "aria-label": "Remarks" }, remarks.map((text) => element("li", {}, text))),
+    items.length > 0 && element("ul", { class: "remarks", "aria-label": "Remarks" }, items),
     overview(view), curves(view), gains(view), attributes(view), sequences(view), failures(view), againstLight(view),
   ].filter(Boolean);
 }
@@ -53,21 +56,26 @@ function overviewParts(view) {
 function summaryOf(view) {
   const { dataset } = view;
   const frames = dataset.sequences.reduce((sum, one) => sum + one.frames, 0);
-  return `${dataset.name}: ${counted(dataset.sequences.length, "sequence")}, ${counted(frames, "frame")}, ${counted(dataset.runs.length, "run")}. `
-    + "One-pass evaluation.";
+  const counts = [counted(dataset.sequences.length, "sequence"), counted(frames, "frame"),
+    counted(dataset.runs.length, "run")];
+  return `${dataset.name}: ${counts.join(", ")}. One-pass evaluation.`;
 }
 
 // A new view starts at its top, or where it was left; otherwise the focus stays where it was.
 function restore(focus, caret, isOther, name) {
-  const node = focus === undefined ? null : document.querySelector(`[data-focus="${CSS.escape(focus)}"]`);
+  const node = focus === undefined ? null : focusable(focus);
   if (isOther) {
     window.scrollTo(0, scrolled.get(name) && !name ? scrolled.get(name) : 0);
-    const target = name ? byId("title-sequence") : document.querySelector(`[data-focus="${CSS.escape(`sequence-${lastView}`)}"]`);
+    const target = name ? byId("title-sequence") : focusable(`sequence-${lastView}`);
     if (target) target.focus({ preventScroll: true });
   } else if (node) {
     node.focus({ preventScroll: true });
     if (node.type === "search") node.setSelectionRange(caret, caret);
   }
+}
+
+function focusable(key) {
+  return document.querySelector(`[data-focus="${CSS.escape(key)}"]`);
 }
 
 function leaveSequence(event) {
@@ -79,14 +87,19 @@ function startTheme() {
   const button = byId("theme");
   const system = window.matchMedia("(prefers-color-scheme: dark)");
   const now = () => document.documentElement.dataset.theme || (system.matches ? "dark" : "light");
-  const label = () => { button.textContent = THEMES[now()]; button.setAttribute("aria-label", `${THEMES[now()]} colours`); };
+  const label = () => {
+    button.textContent = THEMES[now()];
+    button.setAttribute("aria-label", `${THEMES[now()]} colours`);
+  };
   try {
     const kept = localStorage.getItem("nat-bench-theme");
     if (kept in THEMES) document.documentElement.dataset.theme = kept;
   } catch { /* a browser may keep nothing for files */ }
   button.addEventListener("click", () => {
     document.documentElement.dataset.theme = now() === "dark" ? "light" : "dark";
-    try { localStorage.setItem("nat-bench-theme", document.documentElement.dataset.theme); } catch { /* as above */ }
+    try {
+      localStorage.setItem("nat-bench-theme", document.documentElement.dataset.theme);
+    } catch { /* as above */ }
     label();
   });
   system.addEventListener("change", label);

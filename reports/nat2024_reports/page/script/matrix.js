@@ -5,39 +5,48 @@ function attributes(view) {
     .filter(({ subset }) => subset.kind !== "all");
   if (!subsets.length) {
     return section("attributes", "Attributes and categories",
-      element("p", { class: "note" }, "Nothing tells attributes or categories of these sequences."));
+      note("Nothing tells attributes or categories of these sequences."));
   }
   const columns = [
     { key: "name", title: "Sequences with", isHead: true, value: ({ subset }) => `${subset.kind} ${subset.name}`,
-      cell: ({ subset }) => [element("span", { class: "name" }, subset.name), dagger(subset.provenance)] },
-    { key: "kind", title: "", value: ({ subset }) => subset.kind,
-      cell: ({ subset }) => element("span", { class: "soft meaning" }, subset.kind === "category" ? "category" : subset.meaning || "attribute") },
-    { key: "count", title: "n", number: true, hint: "Number of sequences", value: ({ subset }) => subset.sequences.length,
-      cell: ({ subset }) => subset.sequences.length },
-    ...view.visible.map((run) => runColumn(view, run,
+      cell: ({ subset }) => [named(subset.name), dagger(subset.provenance)] },
+    { key: "kind", title: "", cell: ({ subset }) => element("span", { class: "soft meaning" },
+      subset.kind === "category" ? "category" : subset.meaning || "attribute") },
+    { key: "count", title: "n", number: true, hint: "Number of sequences",
+      value: ({ subset }) => subset.sequences.length, cell: ({ subset }) => subset.sequences.length },
+    ...matrixRuns(view).map((run) => runColumn(view, run,
       ({ scores }) => (scores.rows[run.number] || {})[view.metric.key],
       ({ scores }) => gainOf(scores, view.metric.key, run.number))),
   ];
   const table = sortableTable(view, {
     name: "attributes", columns, rows: subsets, className: "matrix", caption: matrixCaption(view),
-    attributes: ({ subset }) => ({ focus: `attributes-${subsetKey(subset)}`, "aria-selected": subset === view.subset ? "true" : null }),
+    attributes: ({ subset }) => ({
+      focus: `attributes-${subsetKey(subset)}`, "aria-current": subset === view.subset ? "true" : null,
+    }),
     act: ({ subset }) => choose({ subset: subset === view.subset ? "" : subsetKey(subset) }),
   });
   const hasComputed = subsets.some(({ subset }) => isComputed(subset.provenance));
   const few = subsets.some(({ subset }) => subset.sequences.length === 1);
-  return section("attributes", "Attributes and categories", table, element("p", { class: "note" },
+  return section("attributes", "Attributes and categories", table, note(
     "A row chooses its sequences for the whole page. ",
     hasComputed && [dagger("computed"), ": computed from boxes and pixels, no published label. "],
     few && "With a single sequence a score is that sequence's, and no interval can be given. "));
 }
 
 function matrixCaption(view) {
-  const what = view.gains ? `Gain in ${view.metric.title.toLowerCase()} over the tracker alone, percent` : view.metric.title;
+  const score = view.metric.title;
+  const what = view.gains ? `Gain in ${score.toLowerCase()} over the tracker alone, percent` : score;
   return `${what}. ${view.dataset.name}, protocol ${view.protocol.title}.`;
 }
 
+// Gains are of runs with an enhancer; the trackers alone have none.
+function matrixRuns(view) {
+  return view.gains ? view.visible.filter((run) => run.base !== null) : view.visible;
+}
+
 function dagger(provenance) {
-  return isComputed(provenance) && element("span", { class: "dagger", title: `${provenance}, no published label` }, "\u2020");
+  if (!isComputed(provenance)) return null;
+  return element("span", { class: "dagger", title: `${provenance}, no published label` }, "\u2020");
 }
 
 function runColumn(view, run, value, gain) {
@@ -67,20 +76,27 @@ function sequences(view) {
   const light = rows.some(({ sequence }) => isKnown(sequence.light[view.light.key])) ? [view.light] : [];
   const columns = [
     { key: "name", title: "Sequence", isHead: true, value: ({ sequence }) => sequence.name,
-      cell: ({ sequence }) => element("a", { class: "name", href: linkTo({ sequence: sequence.name, frame: "" }), tabindex: "-1" }, sequence.name) },
-    { key: "frames", title: "frames", number: true, value: ({ sequence }) => sequence.frames, cell: ({ sequence }) => sequence.frames },
+      cell: ({ sequence }) => element("a", {
+        class: "name", href: linkTo({ sequence: sequence.name, frame: "" }), tabindex: "-1",
+      }, sequence.name) },
+    { key: "frames", title: "frames", number: true, value: ({ sequence }) => sequence.frames,
+      cell: ({ sequence }) => sequence.frames },
     ...(hasCategory ? [{ key: "category", title: "Category", value: ({ sequence }) => sequence.category || null,
       cell: ({ sequence }) => sequence.category || MISSING }] : []),
-    ...(hasAttributes ? [{ key: "attributes", title: "Attributes", cell: ({ sequence }) => attributeList(sequence) }] : []),
+    ...(hasAttributes ? [{ key: "attributes", title: "Attributes",
+      cell: ({ sequence }) => attributeList(sequence) }] : []),
     ...light.map((measure) => ({ key: "light", title: measure.title, number: true, hint: measure.hint,
-      value: ({ sequence }) => sequence.light[measure.key], cell: ({ sequence }) => shown(sequence.light[measure.key], measure.decimals) })),
-    ...view.visible.map((run) => runColumn(view, run, ({ number }) => value(run.number, number),
+      value: ({ sequence }) => sequence.light[measure.key],
+      cell: ({ sequence }) => shown(sequence.light[measure.key], measure.decimals) })),
+    ...matrixRuns(view).map((run) => runColumn(view, run, ({ number }) => value(run.number, number),
       ({ number }) => sequenceGain(run, value, number))),
   ];
-  const title = wanted || view.subset.kind !== "all" ? `Sequences (${rows.length} of ${view.dataset.sequences.length})` : `Sequences (${rows.length})`;
-  if (!rows.length) return section("sequences", title, element("p", { class: "note" }, "No sequence fits these choices."));
+  const all = view.dataset.sequences.length;
+  const title = rows.length < all ? `Sequences (${rows.length} of ${all})` : `Sequences (${all})`;
+  if (!rows.length) return section("sequences", title, note("No sequence fits these choices."));
   return section("sequences", title, sortableTable(view, {
-    name: "sequences", columns, rows, className: "matrix", tall: true, caption: `${matrixCaption(view)} A row opens its sequence.`,
+    name: "sequences", columns, rows, className: "matrix", tall: true,
+    caption: `${matrixCaption(view)} A row opens its sequence.`,
     attributes: ({ sequence }) => ({ focus: `sequence-${sequence.name}` }),
     act: ({ sequence }) => choose({ sequence: sequence.name, frame: "" }),
   }));

@@ -5,7 +5,7 @@ function overview(view) {
   const rows = runs.map((run) => ({ run, row: scores.rows[run.number] })).filter(({ row }) => row);
   const caption = overviewCaption(view, rows);
   if (!rows.length) {
-    return section("scores", subsetTitle(subset), element("p", { class: "note" }, "No run is left by these choices."));
+    return section("scores", subsetTitle(subset), note("No run is left by these choices."));
   }
   const columns = [
     ...runColumns(view),
@@ -15,7 +15,8 @@ function overview(view) {
   const table = sortableTable(view, {
     name: "scores", caption, columns, rows,
     attributes: ({ run }, isSorted) => ({
-      "data-run": run.number, focus: `scores-${run.number}`, "aria-selected": run.number === view.pinned ? "true" : null,
+      "data-run": run.number, focus: `scores-${run.number}`,
+      "aria-current": run.number === view.pinned ? "true" : null,
       class: rowClass(view, rows, run, isSorted), on: lighting(run.number),
     }),
     act: ({ run }) => pin(view, run),
@@ -24,7 +25,8 @@ function overview(view) {
 }
 
 function overviewCaption(view, rows) {
-  const counts = [...new Set(rows.map(({ row }) => `${counted(row.sequences, "sequence")}, ${counted(row.frames, "frame")}`))];
+  const texts = rows.map(({ row }) => `${counted(row.sequences, "sequence")}, ${counted(row.frames, "frame")}`);
+  const counts = [...new Set(texts)];
   return `${view.dataset.name}: ${counts.join(" / ")}. Protocol ${view.protocol.title} (${view.protocol.description}).`;
 }
 
@@ -39,10 +41,11 @@ function runColumns(view) {
   return [
     { key: "key", title: "", cell: ({ run }) => toggleButton(view, run) },
     { key: "tracker", title: "Tracker", value: ({ run }) => run.tracker,
-      cell: ({ run }) => element("span", { class: "name" }, run.tracker) },
+      cell: ({ run }) => named(run.tracker) },
     { key: "enhancer", title: "Enhancer", value: ({ run }) => run.enhancer,
-      cell: ({ run }) => element("span", { class: "name" }, run.enhancer === "none" ? MISSING : run.enhancer) },
-    ...(scopes.size > 1 ? [{ key: "scope", title: "Scope", hint: "What was enhanced: the tracker's crops or the whole frame",
+      cell: ({ run }) => named(run.enhancer === "none" ? MISSING : run.enhancer) },
+    ...(scopes.size > 1 ? [{ key: "scope", title: "Scope",
+      hint: "What was enhanced: the tracker's crops or the whole frame",
       value: ({ run }) => run.scope, cell: ({ run }) => (run.enhancer === "none" ? "" : run.scope) }] : []),
   ];
 }
@@ -103,7 +106,8 @@ function legendOfMarks(view, rows) {
       element("span", { class: "second" }, "underlined"), ": second. ");
   }
   if (Object.keys(view.scores.gains).length) {
-    parts.push("\u25CB: the 95 % bootstrap interval over sequences includes no gain, or there are too few sequences to tell. ");
+    parts.push("\u25CB: could be chance, as the 95 % bootstrap interval over sequences includes no gain, "
+      + "or there are too few sequences to tell. ");
   } else {
     parts.push("No gains: they need a tracker both with an enhancer and without. ");
   }
@@ -111,5 +115,5 @@ function legendOfMarks(view, rows) {
     parts.push("\u2020: computed from boxes and pixels, no published label. ");
   }
   parts.push("A row pins its run; the line before it hides its curves.");
-  return element("p", { class: "note" }, parts);
+  return note(parts);
 }

@@ -2,6 +2,7 @@
 
 let DATA = null;
 const details = new Map();
+const NO_LIGHT = { key: "", title: "", hint: "", decimals: 3 };
 
 function select(state) {
   const datasetNumber = Math.max(0, DATA.datasets.findIndex((one) => one.name === state.dataset));
@@ -17,11 +18,10 @@ function select(state) {
   const visible = filtered.filter((run) => !state.off.includes(run.name));
   const sequence = state.sequence ? dataset.sequences.findIndex((one) => one.name === state.sequence) : -1;
   return {
-    light: dataset.light.find((one) => one.key === state.light) || dataset.light[0] || { key: "", title: "", decimals: 3 },
+    light: dataset.light.find((one) => one.key === state.light) || dataset.light[0] || NO_LIGHT,
     state, dataset, datasetNumber, protocol, metrics, metric, runs: filtered, visible, sequence,
     subset: dataset.subsets[subsetNumber],
     scores: protocol.subsets[subsetNumber],
-    isMainProtocol: protocolNumber === 0,
     pinned: dataset.runs.findIndex((run) => run.name === state.run),
     gains: state.cells === "gains" && dataset.runs.some((run) => run.base !== null),
   };

@@ -3,14 +3,14 @@
 function sequenceView(view) {
   const sequence = view.dataset.sequences[view.sequence];
   const detail = detailOf(view);
-  const { box, cursor } = timelines(view, detail, sequence);
   return [
     crumbs(view),
     element("section", { "aria-labelledby": "title-sequence" },
-      element("h2", { id: "title-sequence", tabindex: "-1" }, sequence.name), facts(view, sequence), sequenceScores(view, detail)),
-    element("section", {}, box),
-    section("pictures", "Telling frames", pictures(view, detail, cursor),
-      detail.pictures.length > 0 && element("p", { class: "note" }, "Ground truth is white; boxes have the colours and lines of the runs.")),
+      element("h2", { id: "title-sequence", tabindex: "-1" }, sequence.name),
+      facts(view, sequence), sequenceScores(view, detail)),
+    element("section", { "aria-label": "Over time" }, timelines(view, detail, sequence)),
+    section("pictures", "Telling frames", pictures(view, detail),
+      detail.pictures.length > 0 && note("Ground truth is white; boxes have the colours and lines of the runs.")),
   ];
 }
 
@@ -21,8 +21,9 @@ function crumbs(view) {
     const number = place < 0 ? undefined : all[place + step];
     if (number === undefined) return null;
     const { name } = view.dataset.sequences[number];
-    return element("a", { href: linkTo({ sequence: name, frame: "" }), rel: step > 0 ? "next" : "prev", "data-focus": `crumb-${step}` },
-      step < 0 ? `\u2190 ${name}` : `${name} \u2192`);
+    return element("a", {
+      href: linkTo({ sequence: name, frame: "" }), rel: step > 0 ? "next" : "prev", "data-focus": `crumb-${step}`,
+    }, step < 0 ? `\u2190 ${name}` : `${name} \u2192`);
   };
   return element("nav", { class: "crumbs", "aria-label": "Sequences" },
     element("a", { href: linkTo({ sequence: "", frame: "" }), "data-focus": "crumb-all" }, "All sequences"),
@@ -30,7 +31,8 @@ function crumbs(view) {
 }
 
 function facts(view, sequence) {
-  const fact = (title, value) => value !== "" && value !== null && element("div", {}, element("dt", {}, `${title} `), element("dd", {}, value));
+  const fact = (title, value) => value !== "" && value !== null
+    && element("div", {}, element("dt", {}, `${title} `), element("dd", {}, value));
   return element("dl", { class: "facts" },
     fact("Dataset", view.dataset.name),
     fact("Frames", sequence.frames.toLocaleString("en")),
@@ -44,22 +46,31 @@ function sequenceScores(view, detail) {
   const value = (run, metric) => ((view.protocol.bySequence[metric] || [])[run] || [])[view.sequence];
   const rows = view.runs.filter((run) => detail.tracks[run.number] || isKnown(value(run.number, view.metric.key)))
     .map((run) => ({ run, losses: (detail.tracks[run.number] || { losses: [] }).losses }));
-  if (!rows.length) return element("p", { class: "note" }, "No run shown has a result of this sequence.");
+  if (!rows.length) return note("No run shown has a result of this sequence.");
   const metrics = view.metrics.filter((one) => rows.some(({ run }) => isKnown(value(run.number, one.key))));
   const columns = [
     ...runColumns(view),
     ...metrics.map((metric) => {
       const ranked = ranksOf(rows.map(({ run }) => value(run.number, metric.key)));
-      return { key: metric.key, title: metric.title, hint: metric.hint, number: true, value: ({ run }) => value(run.number, metric.key),
-        class: (row) => ({ 1: "best", 2: "second" })[ranked[rows.indexOf(row)]], cell: ({ run }) => shown(value(run.number, metric.key)) };
+      return {
+        key: metric.key, title: metric.title, hint: metric.hint, number: true,
+        value: ({ run }) => value(run.number, metric.key),
+        class: (row) => ({ 1: "best", 2: "second" })[ranked[rows.indexOf(row)]],
+        cell: ({ run }) => shown(value(run.number, metric.key)),
+      };
     }),
-    ...(view.dataset.failures ? [{ key: "loss", title: "first loss", number: true, hint: "Frame at which the target is lost for the first time",
-      value: ({ losses }) => (losses.length ? losses[0] : null), cell: ({ losses }) => (losses.length ? losses[0] + 1 : MISSING) }] : []),
+    ...(view.dataset.failures ? [{
+      key: "loss", title: "first loss", number: true, hint: "Frame at which the target is lost for the first time",
+      value: ({ losses }) => (losses.length ? losses[0] : null),
+      cell: ({ losses }) => (losses.length ? losses[0] + 1 : MISSING),
+    }] : []),
   ];
   return sortableTable(view, {
     name: "one", columns, rows, caption: `Protocol ${view.protocol.title}.`,
-    attributes: ({ run }, isSorted) => ({ "data-run": run.number, focus: `one-${run.number}`, class: rowClass(view, rows, run, isSorted),
-      on: lighting(run.number), "aria-selected": run.number === view.pinned ? "true" : null }),
+    attributes: ({ run }, isSorted) => ({
+      "data-run": run.number, focus: `one-${run.number}`, class: rowClass(view, rows, run, isSorted),
+      "aria-current": run.number === view.pinned ? "true" : null, on: lighting(run.number),
+    }),
     act: ({ run }) => pin(view, run),
   });
 }

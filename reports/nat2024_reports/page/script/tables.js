@@ -43,7 +43,8 @@ function bodyRow(row, place, columns, attributes, act) {
     const classes = [column.number && "number", column.class && column.class(row)].filter(Boolean).join(" ");
     const tag = number === 0 && column.isHead ? "th" : "td";
     const run = column.run === undefined ? null : column.run;
-    return element(tag, { class: classes || null, scope: tag === "th" ? "row" : null, "data-run": run }, column.cell(row));
+    const scope = tag === "th" ? "row" : null;
+    return element(tag, { class: classes || null, scope, "data-run": run }, column.cell(row));
   }));
   if (act) {
     node.addEventListener("click", () => act(row));

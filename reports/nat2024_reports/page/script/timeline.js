@@ -18,11 +18,12 @@ function timelines(view, detail, sequence) {
   const lowest = charts[charts.length - 1];
   lowest.node.append(drawn("text", { x: SIZE.width / 2, y: lowest.height - 3, "text-anchor": "middle" }, "Frame"));
   const cursor = new Cursor(charts, frames, tracks);
-  const box = element("div", { class: "timeline", tabindex: "0", role: "group", "data-focus": "timeline",
-    "aria-label": "Overlap and error over time; left and right arrow keys move the cursor", on: { keydown: (event) => cursor.press(event) } },
-    charts.map(({ title, node }) => element("figure", {}, element("h3", {}, title), node)), cursor.reading);
   if (view.state.frame) cursor.go(Number(view.state.frame) - 1);
-  return { box, cursor };
+  return element("div", {
+    class: "timeline", tabindex: "0", role: "group", "data-focus": "timeline",
+    "aria-label": "Overlap and error over time; left and right arrow keys move the cursor",
+    on: { keydown: (event) => cursor.press(event) },
+  }, charts.map(({ title, node }) => element("figure", {}, element("h3", {}, title), node)), cursor.reading);
 }
 
 function drawSeries(drawing, tracks, frames, key) {
@@ -33,7 +34,8 @@ function drawSeries(drawing, tracks, frames, key) {
 }
 
 function overlapChart(tracks, frames, x) {
-  const drawing = chart({ ...SIZE, className: "series", label: "Overlap over time", x, y: { from: 0, to: 1, ticks: [0, 0.25, 0.5, 0.75, 1], title: "Overlap" } });
+  const drawing = chart({ ...SIZE, className: "series", label: "Overlap over time", x,
+    y: { from: 0, to: 1, ticks: [0, 0.25, 0.5, 0.75, 1], title: "Overlap" } });
   drawSeries(drawing, tracks, frames, "overlap");
   tracks.forEach(({ run, losses }) => {
     if (!losses.length) return;
@@ -51,9 +53,9 @@ function errorChart(tracks, frames, x) {
   const drawing = chart({ ...SIZE, className: "series", label: "Centre location error over time", x,
     y: { log: true, from: 1, to, ticks: ERRORS.filter((value) => value <= to), title: "Centre error (px)" } });
   const { node, xs, ys, width, right } = drawing;
-  node.append(drawn("line", { class: "limit", x1: xs(x.from), x2: width - right, y1: ys(20), y2: ys(20) }),
-    drawn("text", { class: "limit-text", x: width - right - 2, y: ys(20) - 4, "text-anchor": "end" }, "20 px"));
   drawSeries(drawing, tracks, frames, "error");
+  node.append(drawn("line", { class: "limit above", x1: xs(x.from), x2: width - right, y1: ys(20), y2: ys(20) }),
+    drawn("text", { class: "reading", x: width - right - 2, y: ys(20) - 5, "text-anchor": "end" }, "20 px"));
   return { ...drawing, title: "Centre location error, logarithmic; 20 px as in precision" };
 }
 
@@ -64,7 +66,8 @@ function lightCharts(light, x) {
     const pad = (high - low || Math.abs(high) || 1) * 0.08;
     const drawing = chart({ ...SIZE, height: 140, className: "series", label: `${curve.title} over time`, x,
       y: { from: low - pad, to: high + pad, ticks: ticks(low - pad, high + pad, 3), title: curve.unit } });
-    drawing.node.append(drawn("path", { class: "curve neutral", d: pathOf(drawing.xs, drawing.ys, curve.frames, curve.values) }));
+    const d = pathOf(drawing.xs, drawing.ys, curve.frames, curve.values);
+    drawing.node.append(drawn("path", { class: "curve neutral", d }));
     return { ...drawing, title: curve.title };
   });
 }
@@ -72,12 +75,14 @@ function lightCharts(light, x) {
 class Cursor {
   constructor(charts, frames, tracks) {
     Object.assign(this, { charts, frames, tracks, place: -1 });
-    this.reading = element("p", { class: "note reading-line", "aria-live": "polite" }, "Point at a curve, or use the arrow keys, to read a frame.");
+    this.reading = element("p", { class: "note reading-line", "aria-live": "polite" },
+      "Point at a curve, or use the arrow keys, to read a frame.");
     for (const one of charts) {
       one.line = drawn("line", { class: "cursor", visibility: "hidden", y1: one.top, y2: one.height - one.bottom, });
       one.node.append(one.line);
       one.node.addEventListener("pointermove", (event) => this.go(this.frameAt(one, event)));
-      one.node.addEventListener("click", (event) => choose({ frame: String(Math.round(this.frameAt(one, event)) + 1) }));
+      one.node.addEventListener("click", (event) =>
+        choose({ frame: String(Math.round(this.frameAt(one, event)) + 1) }));
     }
   }
 
