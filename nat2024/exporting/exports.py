@@ -99,6 +99,7 @@ def export_results(
     ]
     record = _record(dataset, stored, folder)
     out = Path(out)
+    _check_names(record, taken, folder)
     _check_absent(out, record, form)
     written = chosen.write([run for run in taken if run.boxes], record, out)
     return ExportReport(
@@ -147,6 +148,20 @@ def _record(dataset: Dataset | None, runs: list[Run], folder: Path) -> DatasetRe
             return manifest.dataset
     told = {run.dataset for run in runs if run.dataset}
     return DatasetRecord(told.pop() if len(told) == 1 else folder.stem)
+
+
+def _check_names(dataset: DatasetRecord, runs: list[TakenRun], folder: Path) -> None:
+    """Refuse names that would lead out of the folder that is written to.
+
+    A manifest can hold any text, and whoever wrote it may have meant harm.
+    """
+    names = [dataset.name]
+    for run in runs:
+        names += [run.name, run.own_name, run.tracker, run.manifest.run if run.manifest else "run"]
+    for name in names:
+        if name in ("", ".", "..") or any(character in name for character in "/\\\0"):
+            msg = f"{folder}: {name!r}, told by a manifest, is no name of a folder"
+            raise ResultConflict(msg)
 
 
 def _check_absent(out: Path, dataset: DatasetRecord, form: str) -> None:

@@ -1,5 +1,6 @@
 """`tracking_results/TRACKER/PARAM/SEQ.txt`, tabs and whole numbers, `SEQ_time.txt`: pytracking."""
 
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -24,7 +25,7 @@ def why_refused(boxes: Boxes) -> str:
 
 def write(runs: Sequence[TakenRun], dataset: DatasetRecord, out: Path) -> dict[str, Path]:  # noqa: ARG001
     """Write runs of a dataset; gives the folder of each."""
-    folders = {run.name: out / "tracking_results" / run.tracker / _parameters(run) for run in runs}
+    folders = _folders(runs, out / "tracking_results")
     for run in runs:
         for sequence, boxes in run.boxes.items():
             folder = folders[run.name]
@@ -37,5 +38,13 @@ def write(runs: Sequence[TakenRun], dataset: DatasetRecord, out: Path) -> dict[s
     return folders
 
 
-def _parameters(run: TakenRun) -> str:
-    return _DEFAULT if run.enhancer == "none" else run.own_name
+def _folders(runs: Sequence[TakenRun], out: Path) -> dict[str, Path]:
+    """TRACKER/PARAM of each run; runs that are called alike have a number behind PARAM."""
+    seen: Counter[Path] = Counter()
+    folders = {}
+    for run in runs:
+        folder = out / run.tracker / (_DEFAULT if run.enhancer == "none" else run.own_name)
+        seen[folder] += 1
+        number = seen[folder]
+        folders[run.name] = folder if number == 1 else folder.with_name(f"{folder.name}-{number}")
+    return folders

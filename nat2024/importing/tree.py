@@ -1,6 +1,7 @@
 """Folders of results, on disk or inside a .zip archive, looked at alike."""
 
 import errno
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -56,7 +57,8 @@ def open_folder(path: Path) -> Folder:
     """
     if path.is_dir():
         try:
-            found = [(p.name, p.is_dir()) for p in path.iterdir()]
+            with os.scandir(path) as entries:
+                found = [(entry.name, entry.is_dir()) for entry in entries]
         except OSError as error:
             msg = f"{path}: cannot be listed ({error.strerror})"
             raise BoxFileError(msg) from None

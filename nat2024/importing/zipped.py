@@ -1,5 +1,6 @@
 """`TRACKER.zip`: one archive a tracker with `SEQ.txt` in it (CDT, TrackingNet), read in place."""
 
+import logging
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -9,16 +10,21 @@ from nat2024.importing import texts
 from nat2024.importing.runs import ForeignRun
 from nat2024.importing.tree import Folder, open_folder
 
+_log = logging.getLogger("nat2024")
+_SUFFIX = ".zip"
+
 NAME = "zipped"
 WORDS = "TRACKER.zip with SEQUENCE.txt in it (CDT, TrackingNet)"
 
 
 def archives_in(folder: Folder) -> Iterator[Path]:
-    """The archives that lie directly in a folder."""
+    """The archives that lie directly in a folder; those inside another archive are told."""
     for name in folder.files:
         path = folder.path / name
         if is_archive(path):
             yield path
+        elif path.suffix.lower() == _SUFFIX:
+            _log.warning("left out: %s: an archive inside an archive is not read", path)
 
 
 def find(archive: Path) -> list[ForeignRun]:

@@ -34,9 +34,7 @@ def foreign(tmp_path: Path) -> Path:
         for name, length in LENGTHS.items():
             rows = truth(length) + np.array([shift, 0, 0, 0])
             rows[0] = truth(1)[0] + np.array([0.5, 0.5, 0, 0])
-            nat2024.write_boxes(
-                tmp_path / "release" / "results" / "clip" / run / f"{name}.txt", rows
-            )
+            nat2024.write_boxes(results / run / f"{name}.txt", rows)
     return tmp_path / "release"
 
 

@@ -260,6 +260,46 @@ def test_a_bundle_is_one_file_with_hashes(results: Path, tmp_path: Path) -> None
     assert len(run.boxes("person_2")) == 4
 
 
+@pytest.mark.parametrize("changes", [{"dataset": "../out"}, {"runs": "../../out"}])
+def test_names_in_a_manifest_lead_nowhere(
+    results: Path, tmp_path: Path, changes: dict[str, str]
+) -> None:
+    export_results(results / "clip", "bundle", tmp_path / "out", runs=["mil"])
+    evil = tmp_path / "evil.zip"
+    with zipfile.ZipFile(tmp_path / "out" / "clip.zip") as old, zipfile.ZipFile(evil, "w") as new:
+        manifest = json.loads(old.read("manifest.json"))
+        if "dataset" in changes:
+            manifest["dataset"] = changes["dataset"]
+        else:
+            manifest["runs"][0]["run"] = changes["runs"]
+        for name in old.namelist():
+            new.writestr(name, old.read(name))
+    _replace(evil, "manifest.json", json.dumps(manifest))
+    for form in FORMATS:
+        with pytest.raises(ResultConflict, match="is no name of a folder"):
+            export_results(evil, form, tmp_path / "deep" / "er")
+    assert not (tmp_path / "deep").exists()
+
+
+def _replace(archive: Path, member: str, text: str) -> None:
+    with zipfile.ZipFile(archive) as old:
+        kept = {name: old.read(name) for name in old.namelist() if name != member}
+    with zipfile.ZipFile(archive, "w") as new:
+        for name, data in {**kept, member: text.encode()}.items():
+            new.writestr(name, data)
+
+
+def test_runs_that_are_called_alike_stay_apart(tmp_path: Path) -> None:
+    for number, run in enumerate(("SiamRPN++", "siamrpn_alex_dwxcorr")):
+        path = tmp_path / "UAVDark135" / run / "a.txt"
+        path.parent.mkdir(parents=True)
+        path.write_text(f"{number},2,3,4\n")
+    for form in FORMATS:
+        report = export_results(tmp_path / "UAVDark135", form, tmp_path / form)
+        if form != "bundle":
+            assert len({run.path for run in report.runs}) == 2
+
+
 def test_wrong_use(results: Path, tmp_path: Path) -> None:
     folder = results / "clip"
     with pytest.raises(UsageError, match="no format 'pysto'; closest: pysot"):

@@ -307,6 +307,18 @@ def test_several_folders_of_one_dataset_must_be_told_apart(put: Put, tmp_path: P
         dataset_folder(tmp_path / "results", "uavdark135")
 
 
+def test_an_archive_in_an_archive_is_told(
+    put: Put, pack: Pack, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    pysot(put)
+    folder = tmp_path / "results" / "UAVDark135"
+    pack(folder, folder / "inner.zip")
+    archive = pack(tmp_path / "results", tmp_path / "outer.zip")
+    with caplog.at_level(logging.WARNING, "nat2024"):
+        assert [run.name for run in find_runs(archive / "UAVDark135")] == ["LDE-HiFT"]
+    assert "inner.zip: an archive inside an archive is not read" in caplog.text
+
+
 def test_only_pickles(put: Put, tmp_path: Path) -> None:
     put("results/eval_data.pkl", pickle.dumps([1]))
     with pytest.raises(DatasetNotFound, match=r"holds nothing; eval_data\.pkl may hold code"):
