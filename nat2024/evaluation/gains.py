@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 
-from nat2024.metrics import paired_bootstrap, sequence_weights
+from nat2024.metrics import PairedGains, paired_bootstrap, sequence_weights
 from nat2024.store import split_run_name
 from nat2024.types import Floats
 
@@ -41,11 +41,15 @@ def gains_of(evaluation: "Evaluation", by: By | None, resamples: int, seed: int)
     import pandas as pd
 
     pairs = list(paired_runs(evaluation))
-    rows = [
-        row
-        for group, chosen in _groups(evaluation, by).items()
-        for row in _compare(evaluation, pairs, {by: group} if by else {}, chosen, resamples, seed)
-    ]
+    names, tables = _tables(evaluation, pairs)
+    rows: list[dict[str, Any]] = []
+    for group, chosen in _groups(evaluation, by).items():
+        picked = [number for number, name in enumerate(names) if chosen is None or name in chosen]
+        value, weight, base, share = tables[..., picked]
+        found = paired_bootstrap(
+            value, base, weights=weight, base_weights=share, resamples=resamples, seed=seed
+        )
+        rows += _rows(evaluation, pairs, {by: group} if by else {}, found)
     columns = [*_KEYS, *([by] if by else []), "metric", *_NUMBERS]
     return pd.DataFrame(rows, columns=columns)
 
@@ -70,38 +74,40 @@ def _groups(evaluation: "Evaluation", by: By | None) -> Mapping[str, frozenset[s
     return {group: frozenset(names) for group, names in groups.items()}
 
 
-def _compare(
+def _rows(
     evaluation: "Evaluation",
     pairs: "list[tuple[RunScores, RunScores]]",
     group: Mapping[str, str],
-    chosen: frozenset[str] | None,
-    resamples: int,
-    seed: int,
+    found: PairedGains,
 ) -> Iterator[dict[str, Any]]:
-    scored = sorted({name for run in evaluation.runs for name in run.sequences})
-    names = [name for name in scored if chosen is None or name in chosen]
-    if not (pairs and names):
-        return
-    metrics = _metrics(evaluation)
-    tables = {run.run: _table(run, names, metrics) for pair in pairs for run in pair}
-    value, weight = (np.stack(t) for t in zip(*(tables[run.run] for run, _ in pairs), strict=True))
-    base, share = (np.stack(t) for t in zip(*(tables[one.run] for _, one in pairs), strict=True))
-    found = paired_bootstrap(
-        value, base, weights=weight, base_weights=share, resamples=resamples, seed=seed
-    )
     for number, (run, plain) in enumerate(pairs):
         keys = (evaluation.dataset, run.run, run.tracker, run.enhancer, run.scope)
         first = dict(zip(_KEYS, (*keys, evaluation.protocol.title, plain.run), strict=True))
-        for column, metric in enumerate(metrics):
-            if not found.sequences[number, column]:
-                continue
-            numbers = {name: getattr(found, name)[number, column].item() for name in _NUMBERS}
-            yield {**first, **group, "metric": metric, **numbers}
+        for column, metric in enumerate(_metrics(evaluation)):
+            if found.sequences[number, column]:
+                numbers = {name: getattr(found, name)[number, column].item() for name in _NUMBERS}
+                yield {**first, **group, "metric": metric, **numbers}
 
 
 def _metrics(evaluation: "Evaluation") -> tuple[str, ...]:
     # the score of GOT-10k itself, where the three others are not defined
     return ("average_overlap",) if evaluation.protocol.name == "got10k-ao" else _METRICS
+
+
+def _tables(
+    evaluation: "Evaluation", pairs: "list[tuple[RunScores, RunScores]]"
+) -> tuple[list[str], Floats]:
+    """Names of all sequences; values, weights, values and weights of the base of each pair.
+
+    Returns:
+        The names, and float64 (4, pairs, metrics, sequences); NaN where a run has no result.
+    """
+    names = sorted({name for run in evaluation.runs for name in run.sequences})
+    metrics = _metrics(evaluation)
+    of = {run.run: _table(run, names, metrics) for pair in pairs for run in pair}
+    tables = [[*of[run.run], *of[plain.run]] for run, plain in pairs]
+    shape = (len(pairs), 4, len(metrics), len(names))
+    return names, np.array(tables, dtype=np.float64).reshape(shape).swapaxes(0, 1)
 
 
 def _table(run: "RunScores", names: list[str], metrics: tuple[str, ...]) -> tuple[Floats, Floats]:

@@ -16,6 +16,7 @@ from nat2024.metrics import (
     SUCCESS_THRESHOLDS,
     DatasetScores,
     Protocol,
+    Scores,
     SequenceScores,
     summarize,
 )
@@ -30,6 +31,7 @@ _FIRST = ("success_auc", "precision_20", "normalized_precision_20", "normalized_
 SCORES = (*_FIRST, *(name for name in SCORE_NAMES if name not in _FIRST))
 """Columns of scores, the common ones first."""
 
+_CURVES = ("success_curve", "precision_curve", "normalized_precision_curve")
 _THRESHOLDS = {
     "success": SUCCESS_THRESHOLDS,
     "precision": PRECISION_THRESHOLDS,
@@ -216,9 +218,15 @@ class Evaluation:
     def _summarize(self, scores: Iterable[SequenceScores]) -> DatasetScores:
         return summarize(list(scores), self.protocol)
 
+    def _is_its_own_mean(self, scores: list[SequenceScores]) -> bool:
+        """Whether this is one sequence that no rule leaves out, which needs no averaging."""
+        if len(scores) != 1 or self.protocol.name in ("otb", "lasot"):
+            return False
+        return not any(np.isnan(getattr(scores[0], name)[0]) for name in _CURVES)
+
     def _row(self, run: RunScores, scores: Iterable[SequenceScores]) -> dict[str, Any]:
         scores = list(scores)
-        total = self._summarize(scores)
+        total: Scores = scores[0] if self._is_its_own_mean(scores) else self._summarize(scores)
         return {
             "dataset": self.dataset,
             "run": run.run,

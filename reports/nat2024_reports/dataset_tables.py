@@ -1,7 +1,9 @@
 """Tables that describe a dataset, in Markdown; numbers in, text out."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
+
+from nat2024_reports.formats.markdown import pipe_table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -73,7 +75,6 @@ def _text(value: Any) -> str:
     return str(value).replace("|", "\\|")
 
 
-def _table(headings: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
+def _table(headings: Iterable[str], rows: Iterable[Sequence[str]]) -> str:
     head = list(headings)
-    lines = [head, ["---"] * len(head), *map(list, rows)]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+    return pipe_table(head, rows, words=len(head)).rstrip("\n")

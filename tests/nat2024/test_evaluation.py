@@ -8,7 +8,7 @@ import pytest
 import nat2024
 from nat2024.errors import DatasetNotFound, LengthMismatch
 from nat2024.evaluation import SCORES
-from nat2024.metrics import list_protocols
+from nat2024.metrics import list_protocols, summarize
 from nat2024.types import Dataset, Sequence
 
 
@@ -216,6 +216,18 @@ def test_gains_are_those_of_the_summary_under_every_protocol(
         for row in gains.to_dict(orient="records"):
             assert row["value"] == pytest.approx(summary.loc[row["run"], row["metric"]])
             assert row["base_value"] == pytest.approx(summary.loc[row["base"], row["metric"]])
+
+
+def test_scores_of_one_sequence_are_those_of_its_summary(results: Path, dataset: Dataset) -> None:
+    for protocol in list_protocols():
+        evaluation = nat2024.evaluate(results, dataset, protocol=protocol)
+        rows = evaluation.per_sequence().set_index(["run", "sequence"])
+        for run in evaluation.runs:
+            for name, scores in run.sequences.items():
+                alone = summarize([scores], protocol)
+                expected = [getattr(alone, score) for score in SCORES]
+                found = rows.loc[(run.run, name), list(SCORES)].tolist()
+                assert found == pytest.approx(expected, nan_ok=True, abs=1e-15)
 
 
 def test_per_category(results: Path) -> None:

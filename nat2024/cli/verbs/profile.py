@@ -9,7 +9,6 @@ import click
 
 from nat2024.cli import options as shared
 from nat2024.cli.output import print_json, print_table
-from nat2024.errors import UsageError
 
 if TYPE_CHECKING:
     from nat2024.engine import Combination
@@ -98,7 +97,7 @@ def command(
         chosen[sequence] if sequence else next(iter(chosen)),
         frames=frames,
         warm_up=warm_up,
-        size=_size(size),
+        size=shared.read_size(size) if size else None,
         threads=threads,
         plugins=plugins,
     )
@@ -118,16 +117,6 @@ def _with_fresh_weights(combination: "Combination") -> "Combination":
     if enhancer is not None and enhancer.weights is None:
         enhancer = replace(enhancer, weights=False)
     return replace(combination, tracker=tracker, enhancer=enhancer)
-
-
-def _size(text: str | None) -> tuple[int, int] | None:
-    if text is None:
-        return None
-    width, _, height = text.partition("x")
-    if not (width.isdecimal() and height.isdecimal() and int(width) and int(height)):
-        msg = f"--size {text!r}: expected WxH, such as 640x360"
-        raise UsageError(msg)
-    return int(width), int(height)
 
 
 def _print(profiles: "list[Profile]", markdown: bool) -> None:
