@@ -69,10 +69,23 @@ def legend_below(axes: "Axes", *, columns: int = 1) -> None:
     width, height = figure.get_size_inches()  # type: ignore[union-attr]
     cells = len(figure.axes)
     cell = width / cells
-    start = int(bounds.x0 * cells + 1e-9) * cell + _EDGE
-    place = (start, bounds.y0 * height - _BELOW - 0.02)
+    left = int(bounds.x0 * cells + 1e-9) * cell + _EDGE
+    top = bounds.y0 * height - _BELOW - 0.02
+    legend_at(axes, (left, top), cell - 2 * _EDGE, columns=columns)
+
+
+def legend_at(axes: "Axes", place: tuple[float, float], room: float, *, columns: int = 1) -> None:
+    """A legend at a place, in letters as large as fit, its lines `LINE` apart.
+
+    Args:
+        axes: with labelled lines.
+        place: top left corner, inches from the lower left corner of the figure.
+        room: width in inches.
+        columns: side by side.
+    """
+    figure = axes.figure
     size, spacing = _SIZE, 0.3
-    for _ in range(3):  # letters that fit the cell, then lines of the height that was reserved
+    for _ in range(3):  # letters that fit the room, then lines of the height that was reserved
         legend = axes.legend(
             loc="upper left",
             bbox_to_anchor=place,
@@ -88,6 +101,6 @@ def legend_below(axes: "Axes", *, columns: int = 1) -> None:
         extent = legend.get_window_extent()
         wide, tall = extent.width / figure.dpi, extent.height / figure.dpi
         lines = -(-len(legend.get_texts()) // columns)
-        size = max(_LEAST_SIZE, size * min(1.0, (cell - 2 * _EDGE) / wide))
+        size = max(_LEAST_SIZE, size * min(1.0, room / wide))
         if lines > 1:  # spacing counts in sizes of letters, which are 1/72 inch
             spacing = max(0.0, spacing + (LINE * (lines - 0.2) - tall) / (lines - 1) * 72 / size)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from nat2024_reports.figures.looks import Look
+from nat2024_reports.figures.panels import LINE, TITLE, legend_at
 from nat2024_reports.style import COLUMN, figure_style, new_figure, plain_text, shortened
 
 if TYPE_CHECKING:
@@ -14,6 +15,8 @@ if TYPE_CHECKING:
 
 LEAST, MOST = 3, 16
 """Axes that a radar needs, and that it can have before their names run into each other."""
+
+_SIDE = 2.0  # inches, of the square that holds the rings
 
 
 def radar_figure(table: "pd.DataFrame", looks: Mapping[str, Look], *, title: str = "") -> "Figure":
@@ -27,10 +30,16 @@ def radar_figure(table: "pd.DataFrame", looks: Mapping[str, Look], *, title: str
     labels = list(dict.fromkeys(table.label))
     runs = list(dict.fromkeys(table.run))
     angles = 2 * np.pi * np.arange(len(labels)) / max(len(labels), 1)
-    rows = -(-len(runs) // 2) if _is_narrow(looks) else len(runs)
+    columns = 2 if len(runs) > 3 else 1
+    legend = -(-len(runs) // columns) * LINE + 0.1
+    height = legend + _SIDE + 0.72 + (TITLE if title else 0)
     with figure_style():
-        figure = new_figure(COLUMN, 3.0 + 0.135 * rows + (0.2 if title else 0))
-        axes: Any = figure.add_subplot(projection="polar")
+        figure = new_figure(COLUMN, height)
+        figure.set_layout_engine("none")
+        figure.set_dpi(400)  # the legend is measured; coarse pixels would round up its lines
+        corner = (COLUMN - _SIDE) / 2 / COLUMN, (legend + 0.36) / height
+        size = _SIDE / COLUMN, _SIDE / height
+        axes: Any = figure.add_axes((*corner, *size), projection="polar")
         axes.set_theta_zero_location("N")
         axes.set_theta_direction(-1)
         for place, run in enumerate(runs):
@@ -50,7 +59,7 @@ def radar_figure(table: "pd.DataFrame", looks: Mapping[str, Look], *, title: str
         top = _top(table.value.max())
         axes.set_ylim(0, top)
         _rings(axes, top, np.pi / max(len(labels), 1))
-        axes.set_xticks(angles, [plain_text(shortened(label, 24)) for label in labels])
+        axes.set_xticks(angles, [_two_lines(label) for label in labels])
         axes.tick_params(axis="x", pad=1, labelsize=7 if len(labels) <= 10 else 6)
         for text, angle in zip(axes.get_xticklabels(), angles, strict=True):
             side = round(float(np.sin(angle)), 3)
@@ -58,10 +67,18 @@ def radar_figure(table: "pd.DataFrame", looks: Mapping[str, Look], *, title: str
         axes.spines["polar"].set_visible(False)
         axes.grid(visible=True)
         if title:
-            figure.suptitle(plain_text(title), fontsize=8, weight="bold")
-        columns = 2 if _is_narrow(looks) else 1
-        figure.legend(loc="outside lower center", ncols=columns, handlelength=2.4)
+            top = 1 - 0.05 / height
+            figure.suptitle(plain_text(title), fontsize=8, weight="bold", y=top, va="top")
+        legend_at(axes, (0.06, legend), COLUMN - 0.12, columns=columns)
         return figure
+
+
+def _two_lines(label: str) -> str:
+    """`car (19)` with its number below, so that names at the sides stay on the page."""
+    name, space, count = label.rpartition(" (")
+    if not space:
+        return plain_text(shortened(label, 11))
+    return f"{plain_text(shortened(name, 11))}\n({plain_text(count)}"
 
 
 def _rings(axes: Any, top: float, angle: float) -> None:
@@ -73,10 +90,6 @@ def _rings(axes: Any, top: float, angle: float) -> None:
     style: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 6, "color": "#444444"}
     for ring in rings:
         axes.text(angle, ring, f"{ring:.2g}", bbox=behind, zorder=5, **style)
-
-
-def _is_narrow(looks: Mapping[str, Look]) -> bool:
-    return max((len(look.label) for look in looks.values()), default=0) <= 24
 
 
 def _top(highest: float) -> float:

@@ -33,9 +33,10 @@ def test_radar_lines_are_closed_and_start_in_the_middle() -> None:
     np.testing.assert_array_equal(enhanced.get_ydata(), [0.3, 0.5, np.nan, 0.3])
     assert alone.get_xdata()[:-1] == pytest.approx([0, 2 * np.pi / 3, 4 * np.pi / 3])
     assert axes.get_ylim() == (0, pytest.approx(0.5))
-    assert [t.get_text() for t in axes.get_xticklabels()] == ["IV (3)", "UL* (2)", r"\$FM\$ (9)"]
+    names = [text.get_text() for text in axes.get_xticklabels()]
+    assert names == ["IV\n(3)", "UL*\n(2)", "\\$FM\\$\n(9)"]
     assert figure.get_suptitle() == "* computed attribute"
-    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["A", "A + X"]
+    assert [text.get_text() for text in axes.get_legend().get_texts()] == ["A", "A + X"]
 
 
 def levels() -> Any:
@@ -78,3 +79,17 @@ def test_speed_of_one_run() -> None:
     (axes,) = speed_figure(table, {"a+x": RUNS[1]}, looks).axes
     assert len(axes.lines) == 1
     assert not axes.texts
+
+
+def test_names_around_a_radar_stay_on_the_page() -> None:
+    table = by_label({f"a_very_long_category_{n} (100)": (0.2, 0.3) for n in range(16)})
+    figure = radar_figure(table, VIEW.looks, title="* computed attribute")
+    figure.draw_without_rendering()
+    width, height = figure.get_size_inches() * figure.dpi
+    (axes,) = figure.axes
+    legend = axes.get_legend().get_window_extent()
+    assert legend.y0 >= 0
+    for text in axes.get_xticklabels():
+        extent = text.get_window_extent()
+        assert 0 <= extent.x0 < extent.x1 <= width
+        assert legend.y1 <= extent.y0 < extent.y1 <= height
