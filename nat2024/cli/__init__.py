@@ -13,6 +13,7 @@ from nat2024.cli.groups import Verbs
 
 _VERBS = {
     "run": "Track a dataset with every tracker and enhancer named.",
+    "merge": "Bring results together that were made apart, such as shards.",
     "eval": "Score stored results.",
     "table": "Print scores as a paper's table, gains included.",
     "plot": "Draw scores as a paper does: curves, attributes, gains, errors, speed.",

@@ -38,7 +38,6 @@ log = logging.getLogger("nat2024")
 _CONNECT_SECONDS = 30
 _TELL_SECONDS = 1.0
 _GRACE_SECONDS = 5.0
-_AHEAD = 2  # units for each thread of a worker that the scheduler knows at a time
 _GPU = "GPU"  # the name of the resource that Dask's own pages use
 
 Expected: TypeAlias = Mapping[str, Manifest]
@@ -198,7 +197,8 @@ class _Campaign:
     def _submit(self) -> None:
         if not self._waiting:
             return
-        room = max(1, self._threads()) * _AHEAD - len(self._tasks)
+        # one for each thread: what waited behind a unit that kills its worker would be blamed too
+        room = max(1, self._threads()) - len(self._tasks)
         while self._waiting and room > 0:
             unit, room = self._waiting.popleft(), room - 1
             key = f"{self._topic}-{secrets.token_hex(4)}"

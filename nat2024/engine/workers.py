@@ -220,6 +220,8 @@ def sort_out(
 ) -> tuple[list[Unit], list[Job]]:
     """What to do with jobs whose worker is gone: each again, by itself, or given up.
 
+    Nobody knows which of several jobs took the worker down, so only one by itself is given up.
+
     Args:
         unit: what the worker was on.
         pending: jobs of it without an outcome.
@@ -230,7 +232,7 @@ def sort_out(
         Units of one job each, and the jobs that have been tried often enough.
     """
     tries.update(pending)
-    failed = sorted(job for job in pending if tries[job] > retries)
+    failed = [job for job in pending if len(pending) == 1 and tries[job] > retries]
     return unit.singles(pending.difference(failed)), failed
 
 

@@ -1,0 +1,181 @@
+"""Worker processes: whatever happens to one of them, the work is done and nobody is left behind."""
+
+import os
+import signal
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import nat2024
+from nat2024.engine import combine, run_benchmark
+from nat2024.engine import workers as crew
+from nat2024.engine.lockstep import Reading
+from nat2024.engine.plan import Combination, PluginSpec
+from nat2024.engine.units import Unit
+from nat2024.errors import BrokenPlugin, NatBenchError, UsageError
+from nat2024.store import RunFolder
+
+pytestmark = pytest.mark.usefixtures("small_plugins")
+
+SLEEPY = '''
+import time
+from nat2024 import Tracker, register_tracker
+from nat2024.cards import Card
+
+@register_tracker("sleepy", override=True)
+class Sleepy(Tracker):
+    """Hangs for good on a wide target."""
+
+    card = Card(title="Sleepy", summary="")
+
+    def start(self, image, box):
+        self.box = box
+        return box
+
+    def advance(self, image):
+        if self.box[2] > 20:
+            time.sleep(600)
+        return self.box, 0.0
+'''
+
+
+def test_who_hangs_is_ended_and_the_others_go_on(night_clip: Path, tmp_path: Path) -> None:
+    plugin = tmp_path / "sleepy.py"
+    plugin.write_text(SLEEPY)
+    nat2024.registry.load_plugin_file(str(plugin))
+    begun = time.monotonic()
+    report = run_benchmark(
+        combine(["sleepy"], ["none"]),
+        nat2024.load_dataset(night_clip),
+        tmp_path / "results",
+        timeout=1,
+        retries=0,
+        plugins=(str(plugin),),
+    )
+    assert time.monotonic() - begun < 60
+    [failure] = report.failures
+    assert (failure.sequence, failure.reason) == ("wide", "one frame took longer than 1 s")
+    folder = RunFolder(report.folder / "sleepy")
+    assert folder.finished() == ["narrow", "tall"]
+    manifest = folder.manifest()
+    assert manifest is not None
+    assert manifest.failures == {"wide": failure.reason}
+
+
+def test_workers_that_cannot_load_a_plugin_say_so(night_clip: Path, tmp_path: Path) -> None:
+    broken = tmp_path / "broken.py"
+    broken.write_text("raise ValueError('not today')")
+    dataset = nat2024.load_dataset(night_clip)
+    with pytest.raises(NatBenchError, match=r"broken\.py cannot be loaded: ValueError: not today"):
+        run_benchmark(
+            combine(["still"], ["none"]), dataset, tmp_path, workers=2, plugins=(str(broken),)
+        )
+    with pytest.raises(BrokenPlugin):
+        nat2024.registry.load_plugin_file(str(broken))
+
+
+def test_sorting_out_what_a_worker_left(night_clip: Path) -> None:
+    from collections import Counter
+
+    sequences = tuple(nat2024.load_dataset(night_clip))
+    combinations = (Combination(PluginSpec("a"), None), Combination(PluginSpec("b"), None))
+    unit = Unit(combinations, sequences, Reading())
+    tries: Counter[Any] = Counter()
+    pending = {("a", "wide"), ("b", "tall")}
+    again, failed = crew.sort_out(unit, pending, tries, retries=0)
+    assert sorted(one.jobs for one in again) == [[("a", "wide")], [("b", "tall")]]
+    assert failed == []  # it may have been the other one
+    assert crew.sort_out(again[0], set(again[0].jobs), tries, retries=2)[1] == []
+    again, failed = crew.sort_out(again[0], set(again[0].jobs), tries, retries=2)
+    assert (again, len(failed)) == ([], 1)
+
+
+def test_each_worker_has_a_device_of_its_own(
+    night_clip: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import torch
+
+    monkeypatch.setattr(torch.cuda, "device_count", lambda: 2)
+    sequences = tuple(nat2024.load_dataset(night_clip))
+    some, one = (
+        Combination(PluginSpec("a"), None, "cuda"),
+        Combination(PluginSpec("b"), None, "cpu"),
+    )
+    unit = Unit((some, one), sequences, Reading())
+    assert crew._devices([unit]) == ["cuda:0", "cuda:1"]
+    assert [c.device for c in unit.on_device("cuda:1").combinations] == ["cuda:1", "cpu"]
+    assert crew._devices([Unit((one,), sequences, Reading())]) == [""]
+
+
+def test_threads_of_linear_algebra_are_set_for_workers_only(monkeypatch: Any) -> None:
+    monkeypatch.setenv("OMP_NUM_THREADS", "7")
+    monkeypatch.delenv("MKL_NUM_THREADS", raising=False)
+    with crew._thread_variables(2):
+        assert os.environ["OMP_NUM_THREADS"] == os.environ["MKL_NUM_THREADS"] == "2"
+    assert os.environ["OMP_NUM_THREADS"] == "7"
+    assert "MKL_NUM_THREADS" not in os.environ
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"batch": 0}, "batch must be at least 1, not 0"),
+        ({"retries": -1}, "retries must be 0 or more, not -1"),
+        ({"timeout": 0}, "timeout must be above 0 seconds, not 0"),
+    ],
+)
+def test_impossible_numbers(
+    night_clip: Path, tmp_path: Path, settings: dict[str, Any], message: str
+) -> None:
+    dataset = nat2024.load_dataset(night_clip)
+    with pytest.raises(UsageError, match=message):
+        run_benchmark(combine(["still"], ["none"]), dataset, tmp_path, **settings)
+    assert not list(tmp_path.iterdir())
+
+
+def test_workers_end_with_their_parent(night_clip: Path, tmp_path: Path) -> None:
+    import subprocess
+    import sys
+
+    plugin = tmp_path / "sleepy.py"
+    plugin.write_text(SLEEPY)
+    words = ["run", "--tracker", "sleepy", "--plugin", str(plugin), "--device", "cpu", "-q"]
+    words += ["--dataset", str(night_clip), "--results", str(tmp_path), "--workers", "2"]
+    process = subprocess.Popen([sys.executable, "-m", "nat2024", *words])
+    while process.poll() is None and len(list((tmp_path / "night_clip").glob("*/*.txt"))) < 2:
+        time.sleep(0.02)
+    children = descendants(process.pid)
+    os.kill(process.pid, signal.SIGKILL)
+    process.wait()
+    assert children
+    deadline = time.monotonic() + 20
+    while any(map(is_running, children)) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert not any(map(is_running, children))
+
+
+def descendants(process: int) -> list[int]:
+    """Processes below one, by the parents that /proc tells."""
+    parents = {}
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            fields = stat.read_text().rpartition(")")[2].split()
+        except OSError:
+            continue
+        parents[int(stat.parent.name)] = int(fields[1])
+    found, waiting = [], [process]
+    while waiting:
+        below = [child for child, parent in parents.items() if parent == waiting[0]]
+        waiting = waiting[1:] + below
+        found += below
+    return found
+
+
+def is_running(process: int) -> bool:
+    try:
+        state = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0]
+    except OSError:
+        return False
+    return state != "Z"
