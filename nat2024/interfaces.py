@@ -12,7 +12,16 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol, TypeAlias, r
 
 import numpy as np
 
-from nat2024.backends import BackendWish, Part, Precision, backends_of, compile_parts
+from nat2024.backends import (
+    BackendWish,
+    ExportedPart,
+    Part,
+    Precision,
+    Recorder,
+    backends_of,
+    compile_parts,
+    write_onnx,
+)
 from nat2024.cards import Card
 from nat2024.devices import check_device, explain_lack_of_memory
 from nat2024.errors import ArrayContract, InvalidOption, UsageError
@@ -188,6 +197,32 @@ class NeuralEnhancer(Enhancer, ABC):
         """`forward`, put together from its parts as another backend runs them."""
         enhanced: torch.Tensor = parts["network"](batch)
         return enhanced
+
+    def export_onnx(
+        self, folder: str | Path, *, size: tuple[int, int] = (288, 288)
+    ) -> list[ExportedPart]:
+        """Write the network as `FOLDER/NAME-PART.onnx`, for batches of sides that `stride` divides.
+
+        What lies between the parts of a network that has several stays in `forward_parts`.
+
+        Args:
+            folder: made where absent.
+            size: width and height of the image that is exported and checked with; files take
+                other sizes where the network allows it.
+
+        Raises:
+            BackendMismatch: the network cannot be exported, or gives other numbers then.
+            Unwritable: the file system refuses.
+        """
+        import torch
+
+        width, height = size
+        generator = torch.Generator().manual_seed(0)
+        dark = torch.rand(1, 3, height, width, generator=generator) ** 2
+        recorder = Recorder(self.parts())
+        with self._inference(height, width):
+            self.forward_parts(recorder.parts, self.pad(dark.to(self.device))[0])
+        return write_onnx(self.model, recorder.seen, Path(folder), self.name)
 
     def forward_maps(self, batch: "torch.Tensor") -> "dict[str, torch.Tensor]":  # noqa: ARG002
         """Intermediate maps of a batch whose sides are multiples of `stride`; none by default."""

@@ -5,7 +5,8 @@ part is exported to ONNX once (kept on disk under a hash of its weights), opened
 held against PyTorch on the very tensors of its first call, before any result of it is used.
 """
 
-from nat2024.backends.parts import CompiledPart, Part, compile_parts
+from nat2024.backends.files import ExportedPart, write_onnx
+from nat2024.backends.parts import CompiledPart, Part, Recorder, compile_parts
 from nat2024.backends.runtimes import (
     BACKENDS,
     PRECISIONS,
@@ -22,9 +23,12 @@ __all__ = [
     "BackendName",
     "BackendWish",
     "CompiledPart",
+    "ExportedPart",
     "Part",
     "Precision",
+    "Recorder",
     "backends_of",
     "compile_parts",
     "is_installed",
+    "write_onnx",
 ]

@@ -176,7 +176,7 @@ class CompiledPart:
 
     def _difference(self, found: Outputs, wanted: Outputs) -> str:
         allowed = TOLERANCES[self.precision]
-        for one, other in zip(_as_tuple(found), _as_tuple(wanted), strict=True):
+        for one, other in zip(as_tuple(found), as_tuple(wanted), strict=True):
             largest = max(float(other.abs().max()), 1.0)
             away = float((one - other).abs().max()) / largest
             if not away <= allowed:  # NaN is no agreement
@@ -195,6 +195,21 @@ class CompiledPart:
         log.warning("%s; %s takes over", message, self.backend)
 
 
+class Recorder:
+    """Runs parts as they are and keeps the inputs of each one's first call."""
+
+    def __init__(self, parts: Mapping[str, Part]) -> None:
+        self.seen: dict[str, tuple[Part, tuple[torch.Tensor, ...]]] = {}
+        self.parts = {name: self._recorded(name, part) for name, part in parts.items()}
+
+    def _recorded(self, name: str, part: Part) -> "Callable[..., Outputs]":
+        def run(*inputs: "torch.Tensor") -> Outputs:
+            self.seen.setdefault(name, (part, inputs))
+            return part.run(*inputs)
+
+        return run
+
+
 def compile_parts(
     module: "torch.nn.Module",
     parts: Mapping[str, Part],
@@ -210,7 +225,8 @@ def compile_parts(
     }
 
 
-def _as_tuple(outputs: Outputs) -> "tuple[torch.Tensor, ...]":
+def as_tuple(outputs: Outputs) -> "tuple[torch.Tensor, ...]":
+    """One tensor as a tuple of one."""
     return outputs if isinstance(outputs, tuple) else (outputs,)
 
 

@@ -148,6 +148,15 @@ def messages(function: _Function) -> _Function:
     return wrapped  # type: ignore[return-value]
 
 
+def read_size(text: str) -> tuple[int, int]:
+    """Width and height of `WxH`."""
+    width, _, height = text.partition("x")
+    if not (width.isdecimal() and height.isdecimal() and int(width) and int(height)):
+        msg = f"--size {text!r}: expected WxH, such as 640x360"
+        raise UsageError(msg)
+    return int(width), int(height)
+
+
 def load_plugins(sources: Iterable[str]) -> None:
     """Load plugin files in the order given."""
     from nat2024.registry import load_plugin_file

@@ -1,4 +1,4 @@
-"""`nat-bench export`: stored results in the layouts of other toolkits, or foreign ones as ours."""
+"""`nat-bench export`: results in other toolkits' layouts, foreign ones as ours, and networks."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import click
 
 from nat2024.cli import options as shared
+from nat2024.cli.network_export import NetworkExport, export_network
 from nat2024.cli.output import print_json, print_table
 
 if TYPE_CHECKING:
@@ -13,6 +14,8 @@ if TYPE_CHECKING:
 
 RESULT_FORMATS = ("pysot", "got10k", "pytracking", "bundle", "nat-bench")
 """As `nat2024.exporting.FORMATS`, which is imported only when it is used."""
+
+NETWORK_FORMAT = "onnx"
 
 _MOST_LINES = 20
 
@@ -22,10 +25,20 @@ _MOST_LINES = 20
 @click.option(
     "--format",
     "form",
-    type=click.Choice(RESULT_FORMATS),
+    type=click.Choice([*RESULT_FORMATS, NETWORK_FORMAT]),
     required=True,
-    help="Layout to write; nat-bench makes foreign results ours.",
+    help="Layout to write; nat-bench makes foreign results ours. onnx is for networks.",
 )
+@click.option("--tracker", metavar="NAME", help="Whose network is written, with --format onnx.")
+@click.option("--enhancer", metavar="NAME", help="Likewise.")
+@click.option(
+    "--size",
+    metavar="WxH",
+    help="Size of the image that an enhancer's network is exported and checked with "
+    "(default: 288x288).",
+)
+@shared.weights_option
+@shared.opts_option
 @click.option(
     "--out", type=click.Path(path_type=Path, file_okay=False), required=True, metavar="DIR"
 )
@@ -47,6 +60,11 @@ _MOST_LINES = 20
 def command(
     results: Path,
     form: str,
+    tracker: str | None,
+    enhancer: str | None,
+    size: str | None,
+    weights: tuple[str, ...],
+    opts: tuple[str, ...],
     out: Path,
     dataset: str | None,
     root: Path | None,
@@ -55,12 +73,18 @@ def command(
     shift_origin: bool,
     as_json: bool,
 ) -> int:
-    """Write stored results in another layout.
+    """Write stored results in another layout, or a plugin's network as ONNX files.
 
     With --dataset results are held against it: what does not fit is left out and named, and the
     exit status is 1. With --json: `exported`, a list of format, dataset, loses and runs, each with
     run, tracker, enhancer, path, sequences, left_out and remarks.
+
+    A network is written in parts, NAME-PART.onnx, each held against PyTorch. With --json: `parts`,
+    a list of part, path, sha256, dynamic, inputs, outputs and difference.
     """
+    if form == NETWORK_FORMAT or tracker or enhancer:
+        wanted = NetworkExport(tracker, enhancer, form, size, weights, opts)
+        return export_network(wanted, out, as_json=as_json)
     from nat2024.datasets import load_dataset
     from nat2024.exporting import export_results
 

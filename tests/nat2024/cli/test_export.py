@@ -145,3 +145,43 @@ def test_wrong_use(
     assert status == 2
     assert told in err
     assert len(err.strip().splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("words", "files"),
+    [
+        (("--tracker", "siamrpnpp"), ["siamrpnpp-embed.onnx", "siamrpnpp-match.onnx"]),
+        (("--enhancer", "ldenhancer"), ["ldenhancer-adjust.onnx", "ldenhancer-encode.onnx"]),
+        (("--enhancer", "dcepp", "--size", "96x64"), ["dcepp-network.onnx"]),
+    ],
+)
+def test_networks(cli: Any, tmp_path: Path, words: tuple[str, ...], files: list[str]) -> None:
+    pytest.importorskip("onnxruntime")
+    status, out, _ = cli("export", *words, "--format", "onnx", "--out", tmp_path / "net", "--json")
+    assert status == 0
+    assert sorted(path.name for path in (tmp_path / "net").iterdir()) == files
+    parts = json.loads(out)["parts"]
+    assert [Path(part["path"]).name for part in parts] != []
+    for part in parts:
+        assert part["dynamic"] is ("--enhancer" in words)
+        assert part["difference"] < 1e-5
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("--format", "onnx"), "needs --tracker NAME or --enhancer NAME"),
+        (("--format", "onnx", "--tracker", "kcf"), "kcf has no network"),
+        (("--format", "pysot", "--tracker", "siamrpnpp"), "are for --format onnx"),
+        (("--format", "onnx", "--tracker", "siamrpnpp", "--size", "9x9"), "is for enhancers"),
+        (("--format", "onnx", "--enhancer", "dcepp", "--size", "big"), "expected WxH"),
+        (("--format", "onnx", "--enhancer", "dcepp", "--opt", "sct.x=1"), "which is not run"),
+    ],
+)
+def test_networks_asked_for_wrongly(
+    cli: Any, tmp_path: Path, words: tuple[str, ...], told: str
+) -> None:
+    status, _, err = cli("export", *words, "--out", tmp_path / "net")
+    assert status == 2
+    assert told in err
+    assert not (tmp_path / "net").exists()

@@ -1,11 +1,13 @@
 """The tracker `nanotrack`."""
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import msgspec
 
+from nat2024.backends import ExportedPart
 from nat2024.cards import Card, read_card
-from nat2024.errors import WeightsMismatch
+from nat2024.errors import UsageError, WeightsMismatch
 from nat2024.files import expand
 from nat2024.interfaces import load_weights
 from nat2024.registry import register_tracker
@@ -72,6 +74,17 @@ class NanoTrack(SiameseTracker):
     def network(self) -> SiameseNetwork:
         """What the loop runs."""
         return self._network if self.runtime == "opencv" else super().network
+
+    def export_onnx(self, folder: str | Path) -> list[ExportedPart]:
+        """As `SiameseTracker.export_onnx`.
+
+        Raises:
+            UsageError: with runtime "opencv", whose network is two ONNX files already.
+        """
+        if self.runtime == "opencv":
+            msg = "nanotrack with runtime=opencv runs ONNX files already; export runtime=torch"
+            raise UsageError(msg)
+        return super().export_onnx(folder)
 
     def _build_torch(self, weights: WeightsSpec, constants: "Constants") -> "torch.nn.Module":
         del constants

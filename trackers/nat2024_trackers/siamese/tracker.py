@@ -2,6 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 import numpy as np
@@ -9,11 +10,13 @@ import numpy.typing as npt
 
 from nat2024.backends import (
     BackendWish,
-    CompiledPart,
+    ExportedPart,
     Part,
     Precision,
+    Recorder,
     backends_of,
     compile_parts,
+    write_onnx,
 )
 from nat2024.errors import UsageError
 from nat2024.interfaces import BatchEnhancer, Scope, Tracker, load_weights, run_enhancer
@@ -98,8 +101,8 @@ class SiameseTracker(Tracker):
         backends = backends_of(backend, self.device, precision)
         self.backend, self.precision = backends[0], precision
         self.model: Any = model.to(device).eval()
-        self._compiled = _CompiledNetwork(
-            compile_parts(self.model, self._parts(), backends, device=device, precision=precision)
+        self._compiled = _PartedNetwork(
+            compile_parts(self.model, self.parts(), backends, device=device, precision=precision)
         )
         self.decoder = decoder
         self.constants = constants
@@ -115,7 +118,7 @@ class SiameseTracker(Tracker):
         network: SiameseNetwork = self.model if self.backend == "torch" else self._compiled
         return network
 
-    def _parts(self) -> dict[str, Part]:
+    def parts(self) -> dict[str, Part]:
         """What another backend runs; sizes of crops are constants of the tracker."""
         return {
             "embed": Part(lambda template: self.model.embed(template), dynamic=False),
@@ -131,6 +134,30 @@ class SiameseTracker(Tracker):
     def target(self, target: Target) -> None:
         self._started()
         self._target = target
+
+    def export_onnx(self, folder: str | Path) -> list[ExportedPart]:
+        """Write the network as `FOLDER/NAME-embed.onnx` and `FOLDER/NAME-match.onnx`.
+
+        The first takes template crops (1, 3, side, side), 0..255, BGR; the second takes search
+        crops and then what the first gave.
+
+        Raises:
+            BackendMismatch: the network cannot be exported, or gives other numbers then.
+            Unwritable: the file system refuses.
+        """
+        import torch
+
+        generator = torch.Generator(self.device).manual_seed(0)
+        sides = (self.constants.exemplar_size, self.constants.instance_size)
+        template, search = (
+            255 * torch.rand(1, 3, side, side, generator=generator, device=self.device)
+            for side in sides
+        )
+        recorder = Recorder(self.parts())
+        network = _PartedNetwork(recorder.parts)
+        with torch.no_grad():
+            network.match(network.embed(template), search)
+        return write_onnx(self.model, recorder.seen, Path(folder), self.name)
 
     def start(self, image: Image, box: Box) -> Box:
         """Start on an image; the answer is x + 0.5, y + 0.5, w, h as official testers write it."""
@@ -217,10 +244,10 @@ class SiameseTracker(Tracker):
         return better.to(device=batch.device, dtype=torch.float32) * 255.0
 
 
-class _CompiledNetwork:
-    """A `SiameseNetwork` made of its two parts as another backend runs them."""
+class _PartedNetwork:
+    """A `SiameseNetwork` made of its two parts as something else runs them."""
 
-    def __init__(self, parts: Mapping[str, CompiledPart]) -> None:
+    def __init__(self, parts: Mapping[str, Callable[..., Any]]) -> None:
         self._parts = parts
 
     def embed(self, template: "torch.Tensor") -> Features:
