@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 
 from nat2024.boxes import parse_rows, read_boxes, write_boxes
-from nat2024.errors import ResultConflict
+from nat2024.errors import ResultConflict, Unwritable
 from nat2024.files import remove_leftovers, write_atomic
 from nat2024.importing import split_name
 from nat2024.store.manifests import Manifest, StageTimes, split_run_name
@@ -197,8 +197,15 @@ class RunFolder:
 
         The lock is the operating system's, on the folder itself, and ends with the process; file
         systems without such locks have none.
+
+        Raises:
+            Unwritable: the folder cannot be made; says why.
         """
-        self.path.mkdir(parents=True, exist_ok=True)
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            msg = f"{self.path}: cannot be written ({error.strerror or error})"
+            raise Unwritable(msg) from None
         with contextlib.ExitStack() as stack:
             with contextlib.suppress(ImportError, OSError):
                 import fcntl

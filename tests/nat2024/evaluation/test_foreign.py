@@ -1,12 +1,15 @@
 """Results of other toolkits are scored where they lie, and what is odd about them is told."""
 
+import json
 import logging
+import zipfile
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import nat2024
+from nat2024.boxes import parse_boxes
 from nat2024.errors import DatasetNotFound, LengthMismatch
 from nat2024.types import Dataset
 
@@ -146,3 +149,35 @@ def test_runs_of_other_datasets_are_left_alone(tmp_path: Path, dataset: Dataset)
     (row,) = nat2024.evaluate(tmp_path, dataset).summary().to_dict(orient="records")
     assert (row["run"], row["precision_20"]) == ("dimp50-UAVDark135", 1.0)
     assert row["tracker"] == "dimp50"
+
+
+@pytest.mark.shared
+def test_the_reference_kit_is_scored_inside_its_archive(shared: Path) -> None:
+    kit = shared / "parity" / "metrics"
+    archive = kit / "uavdark135_reference.zip"
+    expected = json.loads((kit / "uavdark135_reference_expected.json").read_text())
+    with zipfile.ZipFile(archive) as file:
+        truths = {
+            name: parse_boxes(file.read(f"anno/{name}.txt"))
+            for name in (Path(n).stem for n in file.namelist() if n.startswith("anno/"))
+            if name != "anno"
+        }
+    sequences = (nat2024.Sequence(n, Frames(len(b)), b) for n, b in truths.items())
+    whole = Dataset("uavdark135", tuple(sequences))
+    evaluation = nat2024.evaluate(archive, whole)
+    rows = {row["run"]: row for row in evaluation.summary().to_dict(orient="records")}
+    assert sorted(rows) == sorted(expected["trackers"])
+    for name, row in rows.items():
+        overall = expected["protocols"]["pysot"][name]["overall"]
+        assert row["sequences"] == 135
+        assert row["success_auc"] == pytest.approx(overall["success_auc"], abs=1e-12)
+        assert row["precision_20"] == pytest.approx(overall["precision_at_20"], abs=1e-12)
+        assert row["tracker"] == "dimp50"
+    enhancers = {name: row["enhancer"] for name, row in rows.items()}
+    assert enhancers == {
+        "dimp50": "none",
+        "dimp50_DCE": "dce",
+        "dimp50_DarkLighter": "darklighter",
+        "dimp50_EnlightenGAN": "enlightengan",
+        "dimp50_LIME": "lime",
+    }
