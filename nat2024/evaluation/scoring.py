@@ -5,10 +5,11 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from pathlib import Path
 
-from nat2024.datasets import load_again
+from nat2024.datasets import list_datasets, load_again, load_dataset
 from nat2024.errors import BoxFileError, DatasetNotFound, LengthMismatch
 from nat2024.evaluation.foreign import ScoredRepeats, foreign_notes, runs_of
 from nat2024.evaluation.tables import Evaluation, RunScores
+from nat2024.importing import names_dataset
 from nat2024.metrics import (
     Protocol,
     SequenceScores,
@@ -100,14 +101,16 @@ def _carriers(
 def dataset_of_runs(folder: str | Path, *, lenient: bool = False) -> Dataset:
     """Load the dataset that the manifests of a folder of runs name.
 
+    Where there is none, the folder's own name may be that of a registered dataset, in any spelling
+    (`UAVDark135`).
+
     Raises:
-        DatasetNotFound: no manifest tells, or it is no longer there.
+        DatasetNotFound: nothing tells, or it is no longer there.
     """
     manifests = [manifest for run in list_runs(folder) if (manifest := run.manifest())]
     records = [manifest.dataset for manifest in manifests if manifest.dataset.source]
     if not records:
-        msg = f"{folder}: no manifest tells which dataset this is; name it with --dataset"
-        raise DatasetNotFound(msg)
+        return _dataset_named(Path(folder), lenient=lenient)
     record = records[0]
     try:
         return load_again(
@@ -116,6 +119,16 @@ def dataset_of_runs(folder: str | Path, *, lenient: bool = False) -> Dataset:
     except DatasetNotFound as error:
         msg = f"{error}; {folder} was made from it, name it with --dataset if it has moved"
         raise DatasetNotFound(msg) from None
+
+
+def _dataset_named(folder: Path, *, lenient: bool) -> Dataset:
+    """The registered dataset that a folder of foreign results is named as."""
+    name = next((n for n in list_datasets() if names_dataset(folder.name, n)), None)
+    if name is None:
+        msg = f"{folder}: no manifest tells which dataset this is; name it with --dataset"
+        raise DatasetNotFound(msg)
+    _log.info("%s: taken for results of %s, as the folder is called", folder, name)
+    return load_dataset(name, unannotated=True, lenient=lenient)
 
 
 def _score_run(

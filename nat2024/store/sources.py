@@ -49,6 +49,9 @@ def check_results(results: str | Path) -> Path:
     if (results / "run.json").is_file():
         msg = f"{results}: this is one run; name the folder of its dataset, {results.parent}"
         raise DatasetNotFound(msg)
+    if results.is_file() and not is_results(results):
+        msg = f"{results}: neither a folder of results nor a .zip archive of them"
+        raise DatasetNotFound(msg)
     if not is_results(results):
         msg = f"{results}: no such results folder; `nat-bench run` makes one"
         raise DatasetNotFound(msg)

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import nat2024
-from nat2024.datasets import write_sequence
+from nat2024.datasets import registered, write_sequence
+from nat2024.datasets.registered import DatasetFacts
 
 LENGTHS = {"Human4_2": 4, "car1": 6}
 
@@ -61,6 +62,23 @@ def test_without_a_dataset_it_is_asked_for(cli: Any, foreign: Path) -> None:
     status, _, err = cli("eval", "--results", foreign / "results")
     assert status == 2
     assert "no manifest tells which dataset this is; name it with --dataset" in err
+
+
+def test_the_name_of_the_folder_may_tell_the_dataset(
+    cli: Any, dataset: Path, foreign: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (foreign / "results" / "clip").rename(foreign / "results" / "NAT2021L")
+    facts = DatasetFacts(title="NAT2021-L", folders=("NAT2021L",))
+    monkeypatch.setitem(registered._registered, "nat2021_l_test", facts)
+    monkeypatch.setenv("NAT2024_ROOT_NAT2021_L_TEST", str(dataset))
+    status, out, err = cli("eval", "--results", foreign / "results", "--json")
+    assert status == 0
+    assert {row["dataset"] for row in json.loads(out)["summary"]} == {"nat2021_l_test"}
+    assert "taken for results of nat2021_l_test, as the folder is called" in err
+    monkeypatch.delenv("NAT2024_ROOT_NAT2021_L_TEST")
+    status, _, err = cli("eval", "--results", foreign / "results")
+    assert status == 2
+    assert "NAT2024_ROOT_NAT2021_L_TEST is not set" in err
 
 
 def test_foreign_results_become_ours(

@@ -1,15 +1,19 @@
 """Every layout is told by its shape, in a folder and in an archive."""
 
+import contextlib
 import io
 import logging
 import pickle
 import shutil
+import sys
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from nat2024.errors import BoxFileError, DatasetNotFound
 from nat2024.importing import find_groups, find_runs
@@ -337,3 +341,49 @@ def test_our_own_runs_lie_beside_foreign_ones(put: Put, tmp_path: Path) -> None:
     assert mine.frame_seconds("person_2") is None
     assert len(mine.repeats("car1")) == 1
     assert (mine.tracker, mine.enhancer) == split_name("mil")
+
+
+def test_matlab_files_without_scipy_name_the_extra(
+    put: Put, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    put("ope/T/a_T.mat", matlab(rect(BOXES["car1"])))
+    (run,) = find_runs(tmp_path / "ope")
+    monkeypatch.setitem(sys.modules, "scipy.io", None)
+    with pytest.raises(BoxFileError, match=r'pip install "nat-bench\[matlab\]"'):
+        run.boxes("a")
+
+
+def test_a_file_is_no_results(put: Put, tmp_path: Path) -> None:
+    path = put("eval_data.pkl", pickle.dumps([1]))
+    with pytest.raises(DatasetNotFound, match=r"neither a folder of results nor a \.zip"):
+        dataset_folder(path, "uavdark135")
+
+
+NAMES = st.sampled_from(
+    ["a", "a_001.txt", "a.txt", "baseline", "longterm", "times", "a_time.txt", "b_a.mat", "x.zip"]
+    + ["manifest.json", "boxes", "default_000", "UAVDark135", "tracking_results", "anno", ".b", "ü"]
+)
+CONTENTS = st.one_of(
+    st.sampled_from([b"", b"1,2,3,4\n", b"1\t2\t3\t4\n", b"1\n", b"{}", b"PK\x03\x04", b"\xff"]),
+    st.binary(max_size=20),
+)
+
+
+@given(st.dictionaries(st.lists(NAMES, min_size=1, max_size=5).map("/".join), CONTENTS, max_size=8))
+@settings(max_examples=60, deadline=None)
+def test_any_folder_is_looked_at_without_an_accident(
+    tmp_path_factory: pytest.TempPathFactory, files: dict[str, bytes]
+) -> None:
+    top = tmp_path_factory.mktemp("any")
+    for name, content in files.items():
+        path = top / name
+        if not any(p.is_file() for p in (path, *path.parents)) and not path.is_dir():
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(content)
+    for group in (top, *find_groups(top)):
+        for run in find_runs(group):
+            assert run.tracker
+            for name in run.finished():
+                run.frame_seconds(name)
+                with contextlib.suppress(BoxFileError):
+                    assert run.boxes(name).shape[1] == 4
