@@ -69,6 +69,7 @@ def build_model(
     *,
     title: str,
     frames: bool,
+    on_length: str | None = None,
     progress: "Callable[[Dataset], Any]",
 ) -> "Page":
     """The model of the page, all evidence included.
@@ -77,30 +78,32 @@ def build_model(
         scored: evaluations with their datasets.
         title: heading; empty names the datasets.
         frames: whether frames may be looked at.
+        on_length: as for `evaluate`, for the protocols beside the main one.
         progress: makes a context for each dataset whose value is called after each frame.
     """
     from nat2024_reports.page import Page
 
-    parts = [_dataset_part(one, frames, progress) for one in scored]
+    parts = [_dataset_part(one, frames, on_length, progress) for one in scored]
     names = ", ".join(part.name for part in parts)
     heading = title or f"Night tracking on {names}"
     return Page(heading, tuple(parts), made_by=f"nat-bench {version('nat-bench')}")
 
 
 def _dataset_part(
-    scored: Scored, frames: bool, progress: "Callable[[Dataset], Any]"
+    scored: Scored,
+    frames: bool,
+    on_length: str | None,
+    progress: "Callable[[Dataset], Any]",
 ) -> "DatasetPart":
-    from nat2024.evidence import gather
     from nat2024_reports.page import DatasetPart
 
     evaluation, dataset = scored.evaluation, scored.dataset
-    with progress(dataset) as step:
-        evidence = gather(evaluation, dataset, scored.folder, frames=frames, on_frame=step)
+    evidence = _gathered(scored, frames, progress)
     protocols = [_protocol_scores(evaluation)]
     remarks = [*_about_runs(evaluation), *evaluation.remarks(), *evidence.notes]
     for other in _other_protocols(evaluation):
         try:
-            protocols.append(_protocol_scores(_evaluated(scored, other)))
+            protocols.append(_protocol_scores(_evaluated(scored, other, on_length)))
         except NatBenchError as error:
             remarks.append(f"not scored under protocol {other}: {error}")
     if not frames:
@@ -114,6 +117,18 @@ def _dataset_part(
         light_measures=tuple(_light_measures(evidence)),
         remarks=tuple(remarks),
     )
+
+
+def _gathered(scored: Scored, frames: bool, progress: "Callable[[Dataset], Any]") -> "Evidence":
+    """The evidence; none with a note where it cannot be had, since the scores are still there."""
+    from nat2024.evidence import Evidence, gather
+
+    evaluation, dataset = scored.evaluation, scored.dataset
+    try:
+        with progress(dataset) as step:
+            return gather(evaluation, dataset, scored.folder, frames=frames, on_frame=step)
+    except NatBenchError as error:
+        return Evidence(dataset.name, (), (f"no losses, light and pictures: {error}",))
 
 
 def _about_runs(evaluation: "Evaluation") -> Iterator[str]:
@@ -133,11 +148,13 @@ def _other_protocols(evaluation: "Evaluation") -> list[str]:
     return [name for name in list_protocols() if name != evaluation.protocol.name]
 
 
-def _evaluated(scored: Scored, protocol: str) -> "Evaluation":
+def _evaluated(scored: Scored, protocol: str, on_length: str | None) -> "Evaluation":
     from nat2024.evaluation import evaluate
 
     names = [run.run for run in scored.evaluation.runs]
-    found = evaluate(scored.folder, scored.dataset, protocol=protocol, runs=names)
+    found = evaluate(
+        scored.folder, scored.dataset, protocol=protocol, on_length=on_length, runs=names
+    )
     return dataclasses.replace(
         found,
         attributes=scored.evaluation.attributes,

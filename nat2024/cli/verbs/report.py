@@ -57,7 +57,9 @@ def command(
     check_writable(path)
     scored = score_with_datasets(scoring, computed_attributes=computed_attributes)
     print_notes(one.evaluation for one in scored)
-    model = build_model(scored, title=title, frames=not no_frames, progress=_bar)
+    model = build_model(
+        scored, title=title, frames=not no_frames, on_length=scoring.on_length, progress=_bar
+    )
     data = build_page(model).encode()
     write_atomic(path, data)
     if as_json:

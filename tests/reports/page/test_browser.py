@@ -171,6 +171,8 @@ def test_rows_and_curves_light_each_other(page: Tab) -> None:
     tab.locator(".panels .reach").first.dispatch_event("pointerenter")
     lit = tab.locator('[data-table="scores"] tr.lit').get_attribute("data-run")
     assert lit == "5"
+    tab.locator(".panels .reach").first.hover(force=True)
+    assert tab.locator(".reading").first.inner_html().startswith("beta + ldenhancer: 0.")
     tab.locator(".ranks button").first.click()
     assert tab.locator(".panels .curve").count() == 15
     assert page.words == "off=beta+ldenhancer"
