@@ -167,7 +167,8 @@ def looks_of(
 def _legend_label(run: NamedRun) -> str:
     tracker = shortened(run.tracker, 40 if run.is_plain else 22)
     label = tracker if run.is_plain else f"{tracker} + {shortened(run.enhancer, 18)}"
-    return plain_text(f"{label} ({run.note})" if run.note else label)
+    text = plain_text(f"{label} ({run.note})" if run.note else label)
+    return f" {text}" if text.startswith("_") else text  # legends leave out what begins with _
 
 
 def _colour(number: int) -> tuple[str, str]:

@@ -125,6 +125,11 @@ def test_labels_are_plain_and_short() -> None:
     assert len(label) < 60
 
 
+def test_labels_that_matplotlib_would_hide_are_seen() -> None:
+    hidden = NamedRun("_old", "_old")
+    assert looks_of([hidden], [hidden], by_tracker=True)["_old"].label == " _old"
+
+
 @given(st.text(max_size=80), st.integers(3, 60))
 def test_shortened_names_keep_both_ends(name: str, length: int) -> None:
     short = shortened(name, length)

@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from nat2024.cli.plotting.jobs import Drawing, Job, Remark, Wanted, file_name
 from nat2024.evaluation import Evaluation, RunScores
 from nat2024.metrics import evaluate_boxes, get_protocol
 from nat2024.store import DatasetRecord, Manifest, PluginRecord, StageTimes
+from nat2024.synthesis import level_folder, level_of
 
 NAMES = [f"s{number}" for number in range(8)]
 
@@ -189,6 +191,12 @@ def test_light_levels_are_read_from_the_names_of_datasets() -> None:
     expected = [jobs[place].summary.success_auc[0] for place in (2, 1, 0)]
     assert plain.value.tolist() == expected
     assert split(details.draw_light(jobs[:1]))[1][0].startswith("no dataset of a light level")
+
+
+@pytest.mark.parametrize(("name", "level"), [("day", 0.06), ("a-0.5", 0.125), ("b-2", 0.5)])
+def test_names_of_levels_are_read_as_they_are_written(name: str, level: float) -> None:
+    assert level_of(level_folder(Path("out"), name, level).name) == (name, level)
+    assert level_of(name if name == "day" else f"{name}x") is None
 
 
 def test_a_run_that_lacks_a_light_level_is_named() -> None:
