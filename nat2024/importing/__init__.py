@@ -9,6 +9,7 @@ from nat2024.importing.layouts import (
     find_runs,
     groups_of,
     is_results,
+    nameless_groups,
     unread_files,
 )
 from nat2024.importing.names import names_dataset, split_name
@@ -24,6 +25,7 @@ __all__ = [
     "find_runs",
     "groups_of",
     "is_results",
+    "nameless_groups",
     "names_dataset",
     "split_name",
     "unread_files",

@@ -147,10 +147,13 @@ def _groups(folder: Folder, depth: int) -> Iterator[Path]:
 
 
 def groups_of(path: str | Path, dataset: str) -> list[Path]:
-    """Those folders of runs that are named as a dataset, else those that name none."""
-    groups = find_groups(path)
-    named = [group for group in groups if names_dataset(group.name, dataset)]
-    return named or [group for group in groups if names_container(group.name)]
+    """Those folders of runs that are named as a dataset."""
+    return [group for group in find_groups(path) if names_dataset(group.name, dataset)]
+
+
+def nameless_groups(path: str | Path) -> list[Path]:
+    """Those folders of runs whose names tell of results alone."""
+    return [group for group in find_groups(path) if names_container(group.name)]
 
 
 def unread_files(path: str | Path) -> str:

@@ -111,7 +111,15 @@ _OTHER_DATASETS = frozenset(
 
 
 _CONTAINERS = frozenset(
-    ("results", "trackingresults", "resultsope", "rawresults", "others", "overall")
+    (
+        "results",
+        "trackingresults",
+        "resultsope",
+        "rawresults",
+        "others",
+        "overall",
+        "againstotheren",
+    )
 )
 _ANNOTATIONS = frozenset(
     ("anno", "annos", "annorevise", "annotation", "annotations", "att", "groundtruth", "gt")

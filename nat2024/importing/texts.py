@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from nat2024.importing.runs import ForeignRun
-from nat2024.importing.tree import Folder
+from nat2024.importing.tree import Folder, read_head
 
 NAME = "texts"
 WORDS = "TRACKER/SEQUENCE.txt (pysot, SNOT, LDEnhancer, UDAT, SCT, LaSOT)"
@@ -22,11 +22,18 @@ _LASOT = "_tracking_result"
 def find(folder: Folder) -> list[ForeignRun]:
     """The run in a folder of texts, if it is one."""
     files = sequence_files(folder)
-    if not files:
+    if not files or _are_labels(next(iter(files.values()))):
         return []
     name = folder.name.removesuffix(_LASOT) or folder.name
     one_each = {sequence: (path,) for sequence, path in files.items()}
     return [ForeignRun(name, folder.path, NAME, one_each, time_files(folder, files))]
+
+
+def _are_labels(path: Path) -> bool:
+    """Whether a text is one line of 0 and 1, so an attribute (`UAVDark70_att_LAI`) and no box."""
+    lines = read_head(path).split()
+    fields = lines[0].split(",") if len(lines) == 1 else []
+    return len(fields) not in (0, 4) and set(fields) <= {"0", "1"}
 
 
 def sequence_files(folder: Folder) -> dict[str, Path]:

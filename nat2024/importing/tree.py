@@ -112,10 +112,15 @@ def read_rows(path: Path) -> Boxes:
     return parse_boxes(read_file(path), source=str(path))
 
 
+def read_head(path: Path) -> str:
+    """The beginning of a text file, empty where it cannot be read."""
+    try:
+        return read_file(path)[:_HEAD].decode("utf-8", "replace")
+    except NatBenchError:
+        return ""
+
+
 def has_tabs(path: Path) -> bool:
     """Whether the first line of a text is parted by tabs, as pytracking's are."""
-    try:
-        first, _, _ = read_file(path)[:_HEAD].partition(b"\n")
-    except NatBenchError:
-        return False
-    return b"\t" in first and b"," not in first
+    first, _, _ = read_head(path).partition("\n")
+    return "\t" in first and "," not in first

@@ -3,16 +3,24 @@
 from pathlib import Path
 
 from nat2024.errors import DatasetNotFound
-from nat2024.importing import find_groups, find_runs, groups_of, is_results, unread_files
+from nat2024.importing import (
+    find_groups,
+    find_runs,
+    groups_of,
+    is_results,
+    nameless_groups,
+    unread_files,
+)
 from nat2024.store.runs import Run, RunFolder
 
 
 def dataset_folder(results: str | Path, dataset: str) -> Path:
     """The folder of a dataset's runs.
 
-    That is `RESULTS/DATASET`, else `results` itself if it holds runs, else the folder below it
-    that is named as the dataset in any spelling (`UAVDark135`), or as no dataset at all
-    (`tracking_results`). It may lie in an archive, so list it by `list_runs` only.
+    That is `RESULTS/DATASET`, else the folder below `results` that is named as the dataset in any
+    spelling (`UAVDark135`), else `results` itself if it holds runs, else the folder below it that
+    is named as no dataset at all (`tracking_results`). It may lie in an archive, so list it by
+    `list_runs` only.
 
     Raises:
         DatasetNotFound: there is none, or more than one; names what is.
@@ -21,9 +29,10 @@ def dataset_folder(results: str | Path, dataset: str) -> Path:
     nested = results / dataset
     if _holds_runs(nested):
         return nested
-    if list_runs(results):
+    named = groups_of(results, dataset)
+    if not named and list_runs(results):
         return results
-    below = groups_of(results, dataset)
+    below = named or nameless_groups(results)
     if len(below) == 1:
         return below[0]
     if below:

@@ -203,3 +203,13 @@ def test_networks_asked_for_wrongly(
     assert status == 2
     assert told in err
     assert not (tmp_path / "net").exists()
+
+
+def test_choices_are_what_the_library_knows() -> None:
+    from nat2024.cli.verbs.export import RESULT_FORMATS
+    from nat2024.cli.verbs.reproduce import PAPERS
+    from nat2024.exporting import FORMATS
+    from nat2024.reproducing import PUBLICATIONS
+
+    assert tuple(FORMATS) == RESULT_FORMATS
+    assert tuple(PUBLICATIONS) == PAPERS

@@ -228,6 +228,23 @@ def test_one_archive_a_tracker(put: Put, pack: Pack, tmp_path: Path) -> None:
     assert (alone.name, alone.finished()) == ("SiamAPN++_SCT", ["car1", "person_2"])
 
 
+def test_attribute_files_are_no_results(put: Put, tmp_path: Path) -> None:
+    """UDAT's raw results have `UAVDark70_att_LAI` beside the datasets."""
+    pysot(put, "UAVDark70/HiFT")
+    for name in BOXES:
+        put(f"results/UAVDark70_att_LAI/{name}.txt", "1\n")
+        put(f"results/labels/{name}.txt", "0,1,0,0,1\n")
+    assert find_runs(tmp_path / "results") == []
+    assert dataset_folder(tmp_path / "results", "uavdark70").name == "UAVDark70"
+
+
+def test_a_folder_named_as_the_dataset_goes_first(put: Put, tmp_path: Path) -> None:
+    pysot(put)
+    pysot(put, "HiFT")
+    assert dataset_folder(tmp_path / "results", "uavdark135").name == "UAVDark135"
+    assert dataset_folder(tmp_path / "results", "uavdark70").name == "results"
+
+
 def test_lasot_and_a_folder_of_sequences_alone(put: Put, tmp_path: Path) -> None:
     pysot(put, "SiamAPN++_tracking_result")
     (run,) = find_runs(tmp_path / "results")
