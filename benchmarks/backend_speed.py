@@ -1,0 +1,227 @@
+"""Time of networks in each backend against the same networks written plainly (`peers/`).
+
+    python benchmarks/backend_speed.py [--networks ldenhancer@287x287,siamrpnpp] [--threads 2]
+        [--repeats 15] [--seconds 60] [--limit 600] [--memory] [--json] [--update docs/backends.md]
+
+An enhancer is measured on one dark frame of the size after its `@`; a tracker on the maps of one
+search crop, template features kept. All sides get the same fresh weights and the same noise and
+take turns in one process; times are medians. "Away" is the largest difference from the plain form
+in shares of its largest output (of 1 for images). With `--memory` the megabytes (10^6) that a
+first frame adds to the peak of a fresh process are told too, the loading of the runtime included.
+"""
+
+import argparse
+import importlib
+import json
+import math
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from enhancer_speed import peak_resident_mb
+from side_by_side import in_fresh_process, report, shown, shown_ms, take_turns
+
+HERE = Path(__file__).resolve()
+MARKERS = ("<!-- backend table: begin -->", "<!-- backend table: end -->")
+OURS = {
+    "torch": ("torch", "float32"),
+    "onnxruntime": ("onnxruntime", "float32"),
+    "openvino": ("openvino", "float32"),
+    "bfloat16": ("openvino", "bfloat16"),
+}
+"""Backend and precision of each side that is ours."""
+
+DEFAULT = (
+    "ldenhancer@287x287,ldenhancer@1920x1080,darklighter@287x287,highlightnet@287x287,"
+    "sct@287x287,dcepp@287x287,ruas@287x287,llve@287x287,enlightengan@287x287,"
+    "siamrpnpp,siamapn,siamapnpp,hift,lpat,nanotrack"
+)
+HEADER = """\
+| network | threads | plain, ms | torch | onnxruntime | openvino | openvino bfloat16 | \
+away, float32 | away, bfloat16 |
+| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |"""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """One line; NaN where a backend is not installed, took too long or died."""
+
+    network: str
+    threads: int
+    ms: dict[str, float]
+    away: dict[str, float]
+    mb: dict[str, float]
+
+    def row(self) -> str:
+        """The line in Markdown: milliseconds of the plain form, and how many times as fast."""
+        plain = self.ms["peer"]
+        ratios = [shown(plain / self.ms.get(side, math.nan), ".2f") for side in OURS]
+        float32 = max((v for s, v in self.away.items() if s != "bfloat16"), default=math.nan)
+        fields = [
+            f"`{self.network}`",
+            str(self.threads),
+            shown_ms(plain),
+            *ratios,
+            shown(float32, ".0e"),
+            shown(self.away.get("bfloat16", math.nan), ".0e"),
+        ]
+        return "| " + " | ".join(fields) + " |"
+
+    def memory(self) -> str:
+        """The megabytes of each side, in words."""
+        told = ", ".join(f"{side} {shown(mb, ',.0f')}" for side, mb in self.mb.items())
+        return f"Memory of `{self.network}` in MB, {self.threads} threads: {told}."
+
+
+def sides_of(network: str, threads: int, only: str = "") -> dict[str, Callable[[], Any]]:
+    """What each side computes, as calls without arguments; one side alone where `only` says."""
+    import torch
+
+    torch.set_num_threads(threads)
+    name, _, size = network.partition("@")
+    make = _enhancer_call if size else _tracker_call
+    torch.manual_seed(0)
+    peer = importlib.import_module(f"peers.{name}").build()
+    sides = {"peer": lambda: make(name, size, peer, None)}
+    for side, (backend, precision) in OURS.items():
+        options = {"backend": backend, "precision": precision}
+        sides[side] = lambda options=options: make(name, size, None, options)
+    return {side: made() for side, made in sides.items() if only in ("", side)}
+
+
+def _noise(*shape: int) -> Any:
+    import torch
+
+    return torch.rand(shape, generator=torch.Generator().manual_seed(0)) ** 2
+
+
+def _enhancer_call(
+    name: str, size: str, peer: Any, options: dict[str, str] | None
+) -> Callable[[], Any]:
+    import torch
+
+    from nat2024 import create_enhancer
+
+    width, height = map(int, size.split("x"))
+    batch = _noise(1, 3, height, width)
+    if options is None:
+        return lambda: peer(batch)
+    torch.manual_seed(0)
+    enhancer = create_enhancer(name, weights=False, **options)
+    return lambda: enhancer.enhance_batch(batch)
+
+
+def _tracker_call(
+    name: str, _size: str, peer: Any, options: dict[str, str] | None
+) -> Callable[[], Any]:
+    import torch
+
+    from nat2024 import create_tracker
+
+    torch.manual_seed(0)
+    tracker = create_tracker(name, weights=False, **(options or {}))
+    sides = (tracker.constants.exemplar_size, tracker.constants.instance_size)
+    template, search = (255 * _noise(1, 3, side, side) for side in sides)
+    network = peer if options is None else tracker.network
+    with torch.no_grad():
+        features = network.embed(template)
+    return lambda: network.match(features, search)
+
+
+def installed() -> list[str]:
+    """The sides that can run here."""
+    from nat2024.backends import is_installed
+
+    return [side for side, (backend, _) in OURS.items() if is_installed(backend, "cpu")]
+
+
+def time_all(network: str, threads: int, repeats: int, seconds: float) -> dict[str, Any]:
+    """Median milliseconds of all sides, and how far they are from the plain one."""
+    import torch
+
+    known = ["peer", *installed()]
+    with torch.no_grad():
+        sides = {s: call for s, call in sides_of(network, threads).items() if s in known}
+        outputs = {side: _as_tuple(call()) for side, call in sides.items()}
+        away = {side: _away(found, outputs["peer"]) for side, found in outputs.items()}
+        times = take_turns(sides, repeats, seconds)
+    return {"ms": times, "away": {side: away[side] for side in known[1:]}}
+
+
+def _as_tuple(found: Any) -> tuple[Any, ...]:
+    return found if isinstance(found, tuple) else (found,)
+
+
+def _away(found: Sequence[Any], wanted: Sequence[Any]) -> float:
+    pairs = zip(found, wanted, strict=False)
+    return max(float((a - b).abs().max()) / max(float(b.abs().max()), 1.0) for a, b in pairs)
+
+
+def added_memory(network: str, threads: int, side: str) -> dict[str, float]:
+    """MB that the first frame adds to the peak; run in a process of its own."""
+    import torch
+
+    before = peak_resident_mb()
+    with torch.no_grad():
+        [call] = sides_of(network, threads, side).values()
+        call()
+    return {"mb": peak_resident_mb() - before}
+
+
+def measure(
+    network: str, threads: int, *, repeats: int, seconds: float, limit: float, memory: bool
+) -> Measured:
+    """One line, each side of it in the same fresh process; memory in one a side."""
+    job = {"network": network, "threads": threads}
+    timing = {**job, "repeats": repeats, "seconds": seconds}
+    found: Any = in_fresh_process(HERE, timing, threads=threads, limit=limit)
+    megabytes = {}
+    for side in ["peer", *installed()] if memory else []:
+        told = in_fresh_process(HERE, {**job, "side": side}, threads=threads, limit=limit)
+        megabytes[side] = told.get("mb", math.nan)
+    nothing = {"peer": math.nan}
+    return Measured(network, threads, found.get("ms", nothing), found.get("away", {}), megabytes)
+
+
+def main() -> None:
+    """Measure, print, and update a page."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--networks", default=DEFAULT, help="ENHANCER@WxH or TRACKER, with commas")
+    parser.add_argument("--threads", default="2")
+    parser.add_argument("--repeats", type=int, default=15)
+    parser.add_argument("--seconds", type=float, default=60, help="time for the repeats of a line")
+    parser.add_argument("--limit", type=float, default=600, help="seconds a process may take")
+    parser.add_argument("--memory", action="store_true", help="measure memory too")
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    parser.add_argument("--update", type=Path, help="page whose table to replace")
+    parser.add_argument("--job", type=json.loads, help=argparse.SUPPRESS)
+    given = parser.parse_args()
+    if given.job:
+        print(
+            json.dumps(added_memory(**given.job) if "side" in given.job else time_all(**given.job))
+        )
+        return
+    results = []
+    for network in given.networks.split(","):
+        for threads in map(int, given.threads.split(",")):
+            result = measure(
+                network,
+                threads,
+                repeats=given.repeats,
+                seconds=given.seconds,
+                limit=given.limit,
+                memory=given.memory,
+            )
+            print(result.row(), file=sys.stderr)
+            results.append(result)
+    lines = [result.row() for result in results]
+    if given.memory:
+        lines += ["", *[result.memory() for result in results]]
+    rows = [asdict(result) for result in results]
+    report(HEADER, lines, rows, as_json=given.json, page=given.update, markers=MARKERS)
+
+
+if __name__ == "__main__":
+    main()
