@@ -1,5 +1,6 @@
 """`nat-bench eval`: scores of stored results."""
 
+import logging
 import math
 from typing import TYPE_CHECKING
 
@@ -13,6 +14,8 @@ from nat2024.cli.tables import print_scores
 if TYPE_CHECKING:
     import pandas as pd
 
+log = logging.getLogger("nat2024")
+
 _SHOWN = {
     "success_auc": "Success",
     "precision_20": "Precision",
@@ -25,7 +28,7 @@ _SHOWN = {
 @scoring_options
 @click.option(
     "--by",
-    type=click.Choice(["run", "sequence", "attribute"]),
+    type=click.Choice(["run", "sequence", "attribute", "category"]),
     default="run",
     show_default=True,
     help="One row for each of these.",
@@ -51,7 +54,10 @@ def command(
         print_scores(evaluations)
     else:
         for evaluation in evaluations:
-            frame = evaluation.per_sequence() if by == "sequence" else evaluation.per_attribute()
+            frame = getattr(evaluation, f"per_{by}")()
+            if frame.empty:
+                log.warning("%s: no sequence tells its %s", evaluation.dataset, by)
+                continue
             title = f"{evaluation.dataset}; protocol {evaluation.protocol.title}"
             _print(frame, by, title)
 

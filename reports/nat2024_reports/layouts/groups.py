@@ -1,5 +1,6 @@
 """Runs against attributes, or against categories of targets."""
 
+import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -14,10 +15,11 @@ from nat2024_reports.layouts.scores import (
     facts,
     gain_cells,
     gain_columns,
+    gain_of,
     in_order,
     names_of,
 )
-from nat2024_reports.tables import Cell, Column, Table, ranks, score, words
+from nat2024_reports.tables import Column, Row, Table, ranks, score, words
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -84,17 +86,7 @@ def _gains(gains: "pd.DataFrame | None", by: str, metric: str) -> dict[tuple[str
     if gains is None:
         return {}
     rows = gains[gains.metric == metric].to_dict(orient="records")
-    return {
-        (row["run"], str(row[by])): Gain(
-            float(row["gain"]),
-            float(row["gain_low"]),
-            float(row["gain_high"]),
-            float(row["improved"]),
-            int(row["sequences"]),
-            bool(row["certain"]),
-        )
-        for row in rows
-    }
+    return {(row["run"], str(row[by])): gain_of(row) for row in rows}
 
 
 def _only_shown(columns: list[Column], intervals: bool) -> list[Column]:
@@ -112,39 +104,28 @@ def _body(
     metric: str,
     *,
     intervals: bool,
-) -> tuple[tuple[tuple[Cell, ...], ...], ...]:
+) -> tuple[tuple[Row, ...], ...]:
     ordered = in_order(summary)
     runs = [run for group in ordered for run in group]
 
     def value(run: Mapping[Any, Any], group: str) -> float:
-        return float(values.get((run["run"], group), {}).get(metric, float("nan")))
+        row = values.get((run["run"], group), {}) if group else run
+        return float(row.get(metric, math.nan))
 
-    totals = dict(
-        zip((r["run"] for r in runs), ranks([float(r[metric]) for r in runs]), strict=True)
-    )
-    placed = {
-        group: dict(
-            zip((r["run"] for r in runs), ranks([value(r, group) for r in runs]), strict=True)
-        )
-        for group in groups
-    }
-    body = []
-    for rows in ordered:
-        lines = []
-        for run in rows:
-            name = run["run"]
-            enhancer = "-" if run["enhancer"] == PLAIN else run["enhancer"]
-            cells = [
-                words(run["tracker"]),
-                words(enhancer),
-                score(float(run[metric]), totals[name]),
-            ]
-            for group in groups:
-                cells.append(score(value(run, group), placed[group][name]))
-                cells += gain_cells(gains.get((name, group), NO_GAIN), intervals=intervals)
-            lines.append(tuple(cells))
-        body.append(tuple(lines))
-    return tuple(body)
+    placed = {}  # by group, "" for all sequences
+    for group in ("", *groups):
+        places = ranks([value(run, group) for run in runs])
+        placed[group] = {run["run"]: rank for run, rank in zip(runs, places, strict=True)}
+
+    def line(run: Mapping[Any, Any]) -> Row:
+        name, enhancer = run["run"], "-" if run["enhancer"] == PLAIN else run["enhancer"]
+        cells = [words(run["tracker"]), words(enhancer), score(value(run, ""), placed[""][name])]
+        for group in groups:
+            cells.append(score(value(run, group), placed[group][name]))
+            cells += gain_cells(gains.get((name, group), NO_GAIN), intervals=intervals)
+        return tuple(cells)
+
+    return tuple(tuple(line(run) for run in rows) for rows in ordered)
 
 
 def _small(sizes: Mapping[str, int]) -> list[str]:

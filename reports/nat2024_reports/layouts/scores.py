@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from nat2024_reports.gains import relative_gain
-from nat2024_reports.tables import MARK, Cell, Column, number
+from nat2024_reports.tables import MARK, Cell, Column
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -82,7 +82,9 @@ def gains_by_run(
             tells how sure they are.
     """
     if gains is not None:
-        return {(row["run"], row["metric"]): _gain(row) for row in gains.to_dict(orient="records")}
+        return {
+            (row["run"], row["metric"]): gain_of(row) for row in gains.to_dict(orient="records")
+        }
     found = {}
     for _, runs in summary.groupby("tracker"):
         plain = runs[runs.enhancer == PLAIN]
@@ -96,7 +98,8 @@ def gains_by_run(
     return found
 
 
-def _gain(row: Mapping[Any, Any]) -> Gain:
+def gain_of(row: Mapping[Any, Any]) -> Gain:
+    """A row of `Evaluation.gains()`."""
     return Gain(
         float(row["gain"]),
         float(row["gain_low"]),
@@ -115,33 +118,29 @@ def gain_cell(gain: Gain, rank: int = 0) -> Cell:
 
 def gain_columns(name: str, *, intervals: bool, heading: str = "gain %") -> list[Column]:
     """The gain of a score, and what tells how sure it is; `gain_cells` fills them."""
-    where = "page" if intervals else None
     columns = [Column(heading, f"{name} gain %", part=name)]
-    if where:
-        columns += [Column("95% interval", part=name, where="page")]
-    columns += [
+    if intervals:
+        columns.append(Column("95% interval", part=name, where="page"))
+    return [
+        *columns,
         Column("better %", f"{name} improved %", part=name, where="all" if intervals else "file"),
         Column("", f"{name} gain low %", where="file"),
         Column("", f"{name} gain high %", where="file"),
     ]
-    return columns
 
 
 def gain_cells(gain: Gain, *, intervals: bool, rank: int = 0) -> list[Cell]:
     """The cells of `gain_columns`."""
     known = not math.isnan(gain.low)
-    interval = [Cell(f"[{gain.low:+.1f}, {gain.high:+.1f}]" if known else "")]
-    improved = number(100 * gain.improved, ".0f") if not math.isnan(gain.improved) else _UNKNOWN
+    interval = Cell(f"[{gain.low:+.1f}, {gain.high:+.1f}]" if known else "")
+    better = 100 * gain.improved
     return [
         gain_cell(gain, rank),
-        *(interval if intervals else []),
-        improved,
+        *([interval] if intervals else []),
+        Cell("" if math.isnan(better) else f"{better:.0f}", better),
         Cell("", gain.low),
         Cell("", gain.high),
     ]
-
-
-_UNKNOWN = Cell("", math.nan)
 
 
 def doubts(gains: Iterable[Gain]) -> list[str]:
@@ -175,14 +174,14 @@ def comparisons(summary: "pd.DataFrame", gains: Mapping[tuple[str, str], Gain]) 
     for (run, _), gain in gains.items():
         shared.setdefault(run, set()).add(gain.sequences)
     alone = {row["tracker"]: None for row in _records(enhanced) if row["run"] not in shared}
-    notes = [f"no gains of {_names(alone)}: not run without an enhancer"] if alone else []
+    notes = [f"no gains of {names_of(alone)}: not run without an enhancer"] if alone else []
     fewer: dict[str, list[str]] = {}
     for row in _records(enhanced):
         counts = shared.get(row["run"], set()) - {row["sequences"]}
         if counts:
             fewer.setdefault(_range(counts), []).append(row["run"])
     return notes + [
-        f"gains of {_names(runs)}: over the {count} sequences that the tracker alone has too"
+        f"gains of {names_of(runs)}: over the {count} sequences that the tracker alone has too"
         for count, runs in fewer.items()
     ]
 
@@ -191,12 +190,10 @@ def _records(frame: "pd.DataFrame") -> list[dict[Any, Any]]:
     return frame.to_dict(orient="records")
 
 
-def _names(names: Iterable[str]) -> str:
+def names_of(names: Iterable[str]) -> str:
+    """The first few of them, for a footnote."""
     found = list(names)
     return ", ".join(found[:_SHOWN_NAMES]) + (", ..." if len(found) > _SHOWN_NAMES else "")
-
-
-names_of = _names
 
 
 def check_one(summary: "pd.DataFrame", *columns: str) -> None:

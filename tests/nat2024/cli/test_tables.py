@@ -161,6 +161,18 @@ def test_what_there_is_nothing_of_is_one_line(results: Path, cli: Any) -> None:
     )
 
 
+def test_eval_by_category_or_by_what_nothing_tells(results: Path, cli: Any) -> None:
+    status, out, _ = cli("eval", "--results", results, "--by", "category")
+    assert status == 0
+    assert {line.split()[0] for line in out.splitlines() if "still+gamma" in line} == {
+        "bike",
+        "car",
+    }
+    status, out, err = cli("eval", "--results", results, "--by", "attribute")
+    assert (status, out) == (0, "")
+    assert "clip: no sequence tells its attribute" in err
+
+
 def test_attributes_published_or_computed(results: Path, cli: Any) -> None:
     status, _, err = table(cli, results, "--layout", "attributes")
     assert status == 2
