@@ -68,6 +68,7 @@ def overall_figure(table: "pd.DataFrame", looks: Mapping[str, Look]) -> "Figure"
                 _bar(axes, row, places[str(row.run)], looks[str(row.run)])
             axes.set_xlabel(METRICS[metric])
             axes.set_xlim(0, max(float(rows.value.max()) * 1.5, 0.05))  # room for the numbers
+            axes.set_xticks([tick for tick in axes.get_xticks() if tick <= 1])
             axes.tick_params(axis="y", length=0)
         first = panels[0]
         first.set_yticks(list(places.values()), [looks[run].label for run in places])
