@@ -79,7 +79,7 @@ def find_shots(data: str | Path, root: str | Path | None, every: int) -> tuple[S
         msg = f"{data}: no picture in it"
         raise DatasetNotFound(msg)
     if step > 1:
-        what = "every %d. frame of %s: %d pictures (setting every=1 takes all)"
+        what = "one of every %d frames of the %s: %d pictures (setting every=1 takes all)"
         _log.info(what, step, source.kind, len(shots))
     return source, shots
 
