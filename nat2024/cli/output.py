@@ -40,6 +40,14 @@ def rows_of(frame: "pd.DataFrame") -> list[dict[str, Any]]:
     return frame.astype(object).to_dict(orient="records")  # type: ignore[return-value]
 
 
+def table_width() -> int:
+    """Columns that a table may take: 100, or those of a narrower terminal."""
+    from rich.console import Console
+
+    console = Console()
+    return min(_WIDTH, console.width) if console.is_terminal else _WIDTH
+
+
 def print_table(
     headings: Sequence[str],
     rows: Iterable[Sequence[str]],
@@ -83,8 +91,7 @@ def print_table(
         looks = styles[number] if styles else [""] * len(row)
         cells = [Text(text, style=look) for text, look in zip(row, looks, strict=True)]
         table.add_row(*cells, end_section=number in rules)
-    console = Console(highlight=False)
-    console.width = min(_WIDTH, console.width) if console.is_terminal else _WIDTH
+    console = Console(highlight=False, width=table_width())
     if title:  # not the table's own, which would be broken where the table is narrow
         console.print(Text(title, style="italic"))
     console.print(table)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 import click
 
 from nat2024.cli.failing import failures_of, losses_of
-from nat2024.cli.output import print_table
+from nat2024.cli.output import print_table, table_width
 from nat2024.cli.scoring import Scored
 from nat2024.errors import NatBenchError, UsageError
 
@@ -56,7 +56,7 @@ def print_tables(tables: "Iterable[Table]") -> None:
     from nat2024_reports.tables import heading_lines
 
     for table in tables:
-        for part in fitting_parts(table):
+        for part in fitting_parts(table, table_width()):
             rows = list(part.rows)
             ends, last = set(), 0
             for group in part.groups:

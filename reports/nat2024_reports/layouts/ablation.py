@@ -22,7 +22,7 @@ from nat2024_reports.layouts.scores import (
     gains_by_run,
     scope_of,
 )
-from nat2024_reports.tables import Cell, Column, Row, Table, number, ranks, words
+from nat2024_reports.tables import MISSING, Cell, Column, Row, Table, number, ranks, words
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -146,7 +146,7 @@ def _cells(
         for line, runs, values, rank in zip(lines, rows, tables, places, strict=True):
             deviation = float(np.std(values, ddof=1)) if len(values) > 1 else math.nan
             mean = float(np.mean(values))
-            text = f"{mean:.3f}" + _after(deviation, ".3f")
+            text = MISSING if math.isnan(mean) else f"{mean:.3f}" + _after(deviation, ".3f")
             line += [Cell(text, mean, rank), Cell("", deviation)]
             line += _gain_cells(runs, one, gains, rank, intervals=intervals)
     return lines

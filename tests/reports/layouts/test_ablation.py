@@ -78,3 +78,10 @@ def test_missing_variants_and_tracker_are_said(summary: Any) -> None:
     )
     assert ablation("").is_told_by(RUNS[:1])
     assert not ablation("").is_told_by(RUNS[3:])
+
+
+def test_a_variant_without_score_is_a_dash(summary: Any) -> None:
+    given = summary([PLAIN, *rows()])
+    given.loc[given.run == RUNS[1], "success_auc"] = float("nan")
+    row = list(ablation_table(given, ablation("")).for_page().rows)[2]
+    assert [cell.text for cell in row] == ["+Baseline+TB", "-", "", "0.529", "+11.603"]
