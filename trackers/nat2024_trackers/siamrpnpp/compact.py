@@ -12,8 +12,8 @@ from nat2024_trackers.siamese.layers import Layers
 from nat2024_trackers.siamrpnpp.model import DepthwiseRPN
 
 WIDTH = 64
+"""Channels of the deeper layers and of the head."""
 
-_FIRST = (16, 32)
 _DEEP = 4
 _CONTRAST_FLOOR = 3.0
 """Grey levels added to the spread of a template, so that a flat one is not blown up to noise."""
@@ -27,13 +27,13 @@ def _convolution(channels_in: int, channels_out: int, stride: int) -> list[nn.Mo
 
 
 class SmallBackbone(Layers):
-    """Stride 8, 330,030 parameters together with the head at 64 channels."""
+    """Stride 8; the first convolution has a quarter of the width, the second half of it."""
 
     def __init__(self, width: int = WIDTH) -> None:
         """Build with fresh weights."""
         layers: list[nn.Module] = []
         before = 3
-        for channels in _FIRST:
+        for channels in (width // 4, width // 2):
             layers += [*_convolution(before, channels, 2), nn.ReLU(inplace=True)]
             before = channels
         layers += [*_convolution(before, width, 1), nn.ReLU(inplace=True), nn.MaxPool2d(2)]

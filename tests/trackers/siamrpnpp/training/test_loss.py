@@ -51,6 +51,20 @@ def test_anchors_are_assigned_by_place_and_shape_not_by_size(zoom):
     assert aside.negative.reshape(5, 9, 9)[2, 0, 0]
 
 
+def test_a_target_that_is_absent_makes_every_anchor_negative(network):
+    batch = a_batch()
+    batch["box"][1] = torch.nan
+    assigned = assign(batch["box"], ANCHORS)
+    assert assigned.positive[0].any()
+    assert not assigned.positive[1].any()
+    assert assigned.negative[1].all()
+    assert assigned.offsets.isfinite().all()
+    terms = pair_terms(network.train(), batch, ANCHORS)
+    assert all(term.isfinite() for term in terms.values())
+    batch["box"][0] = torch.nan
+    assert pair_terms(network, batch, ANCHORS)["box"] == 0
+
+
 def a_batch(count=2, search=191):
     generator = torch.Generator().manual_seed(1)
     return {

@@ -6,11 +6,16 @@ from nat2024.errors import UsageError
 from nat2024.night import Clip, render_clip
 from nat2024_trackers.siamese.crops import crop, mean_color, template_side
 from nat2024_trackers.siamese.state import Constants, Target
+from nat2024_trackers.siamrpnpp.compact import CompactSiamRPN
 from nat2024_trackers.siamrpnpp.training import clips as clips_room
 from nat2024_trackers.siamrpnpp.training.clips import clip_pair, usable_frames
 from nat2024_trackers.siamrpnpp.training.movement import Ranges
 from nat2024_trackers.siamrpnpp.training.pairs import Mix, PairSource
-from nat2024_trackers.siamrpnpp.training.recipe import PairBatches, make_pair_source
+from nat2024_trackers.siamrpnpp.training.recipe import (
+    PairBatches,
+    PairValidation,
+    make_pair_source,
+)
 from nat2024_trackers.siamrpnpp.training.settings import PairSettings
 
 KINDS = ("procedural", "composite", "still", "clips")
@@ -41,10 +46,26 @@ def test_each_generator_gives_crops_and_a_box_inside(source, kind):
         assert pair.template.shape == (127, 127, 3)
         assert pair.search.shape == (191, 191, 3)
         assert pair.template.dtype == pair.search.dtype == np.uint8
+        if np.isnan(pair.box).all():  # the target is not there
+            continue
         assert np.isfinite(pair.box).all()
         assert np.abs(pair.box[:2]).max() <= 32
         assert pair.box[2:].min() > 4
-        assert pair.box[2:].max() < 260
+        assert pair.box[2:].max() < 300
+
+
+def test_some_search_crops_lack_the_target(source, night):
+    frames, boxes = night
+    half = boxes.copy()
+    half[1] = np.nan
+    without = PairSource(source.photographs, [(frames, half)], seed=4)
+    for kind, least in (("procedural", 2), ("composite", 2), ("clips", 2)):
+        absent = [
+            np.isnan(without.make(kind, np.random.default_rng([2, number])).box).all()
+            for number in range(100)
+        ]
+        assert least <= sum(absent) < 25, kind
+    assert PairValidation(without, count=4)(CompactSiamRPN(16).eval())
 
 
 def test_a_pair_follows_from_seed_and_number_alone(photographs, night, source):
@@ -105,6 +126,7 @@ def test_only_frames_with_a_target_are_used():
 def test_a_clip_pair_is_what_the_tracker_would_cut(night, monkeypatch):
     """With no error of place and size it is the tracker's template and the search crop around."""
     monkeypatch.setattr(clips_room, "vary_pair", lambda _, template, search: (template, search))
+    monkeypatch.setattr(clips_room, "_occluded", lambda _, __, crops, ___: crops)
     frames, boxes = night
     still = Ranges(search=191, shift=0.0, scale=0.0)
     constants = Constants(191, 9, 8, 0.0, 0.0, 0.0)

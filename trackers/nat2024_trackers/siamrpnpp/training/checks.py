@@ -32,7 +32,11 @@ class PairCheck:
 
 
 def check_pairs(model: nn.Module, pairs: Sequence[Pair]) -> PairCheck:
-    """Ask a network in eval mode about pairs, by the raw score without penalty and window."""
+    """Ask a network in eval mode about pairs, by the raw score without penalty and window.
+
+    Pairs whose target is absent are left out.
+    """
+    pairs = [pair for pair in pairs if np.isfinite(pair.box).all()]
     truth = np.stack([pair.box for pair in pairs])
     found = np.concatenate([_best(model, pairs[at : at + 16]) for at in range(0, len(pairs), 16)])
     overlap = _overlaps(found, truth)
@@ -53,9 +57,11 @@ def _best(model: nn.Module, pairs: Sequence[Pair]) -> Floats:
     search = np.stack([pair.search for pair in pairs])
     size = search.shape[1]
     decoder = AnchorDecoder(Constants(size, (size - 127) // 8 + 1, 8, 0.0, 0.0, 0.0, anchors=5))
+    device = next(model.parameters()).device
+    template = np.stack([pair.template for pair in pairs])
     with torch.no_grad():
-        maps = model(_batch(np.stack([pair.template for pair in pairs])), _batch(search))
-    candidates = decoder(tuple(one.float().numpy() for one in maps))
+        maps = model(_batch(template).to(device), _batch(search).to(device))
+    candidates = decoder(tuple(one.float().cpu().numpy() for one in maps))
     best = candidates.scores.argmax(axis=1)
     return candidates.boxes[np.arange(len(pairs)), :, best].astype(np.float64)
 

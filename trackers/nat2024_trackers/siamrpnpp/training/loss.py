@@ -32,7 +32,7 @@ def pair_terms(
     Args:
         model: in training mode.
         batch: template (n, 3, 127, 127) and search (n, 3, s, s) float32 0..255 BGR, and box
-            (n, 4): centre offset, width, height.
+            (n, 4): centre offset, width, height; NaN where there is no target.
         anchors: float32 (4, k) of `anchor_boxes` for the map of s.
 
     Returns:
@@ -47,8 +47,8 @@ def pair_terms(
     absent, there = -F.log_softmax(matched, dim=1).transpose(0, 1)
     return {
         "positive": _mean(there, assigned.positive),
-        "negative": _negative_term(absent[assigned.negative]),
-        "cross": _negative_term(-F.log_softmax(crossed, dim=1)[:, 0].flatten()),
+        "negative": _negative_term(absent, assigned.negative),
+        "cross": _negative_term(*_all_negative(-F.log_softmax(crossed, dim=1)[:, 0])),
         "box": _box_term(offsets, assigned),
     }
 
@@ -82,12 +82,18 @@ def _mean(values: Tensor, chosen: Tensor) -> Tensor:
     return (values * chosen).sum() / chosen.sum().clamp(min=1)
 
 
-def _negative_term(values: Tensor) -> Tensor:
-    """Half the mean of all, half that of the hardest."""
-    if not len(values):
-        return values.sum()
-    hardest = values.topk(max(1, int(len(values) * _HARDEST))).values
-    return (values.mean() + hardest.mean()) / 2
+def _all_negative(values: Tensor) -> tuple[Tensor, Tensor]:
+    return values, torch.ones_like(values, dtype=torch.bool)
+
+
+def _negative_term(values: Tensor, chosen: Tensor) -> Tensor:
+    """Half the mean of all that are chosen, half that of the hardest.
+
+    The hardest are a share of all anchors, so that their number is known without asking the GPU.
+    """
+    losses = (values * chosen).flatten()
+    hardest = losses.topk(max(1, int(len(losses) * _HARDEST))).values
+    return (_mean(values, chosen) + hardest.mean()) / 2
 
 
 def _box_term(maps: Tensor, assigned: Assignment) -> Tensor:

@@ -23,8 +23,8 @@ class Ranges:
 
     search: int = 191
     shift: float = 32.0
-    scale: float = 0.5
-    aspect: float = 0.15
+    scale: float = 0.6
+    aspect: float = 0.3
     turn: float = 0.12
 
 
@@ -56,14 +56,17 @@ def draw_scale(rng: Rng, ranges: Ranges) -> float:
 
 
 def draw_move(rng: Rng, ranges: Ranges, *, turns: bool = False) -> Move:
-    """Displacement, scale, change of shape, rotation and shear; `turns` allows large rotations."""
+    """Displacement, scale, change of shape, rotation and shear; `turns` allows large rotations.
+
+    Seen from above cars turn by right angles, and their tight box with them.
+    """
     scale = draw_scale(rng, ranges)
     stretch = float(np.exp(rng.uniform(-ranges.aspect, ranges.aspect) / 2))
-    wide = turns and rng.random() < 0.2
+    wide = turns and rng.random() < 0.3
     linear = linear_map(
         width=scale * stretch,
         height=scale / stretch,
-        angle=float(rng.normal(0, 0.35 if wide else ranges.turn)),
+        angle=float(rng.normal(0, 0.7 if wide else ranges.turn)),
         shear=float(rng.normal(0, 0.06)),
     )
     return Move(linear, draw_shift(rng, ranges), scale)

@@ -24,7 +24,8 @@ class Pair:
     Attributes:
         template: uint8 (127, 127, 3) BGR.
         search: uint8 (s, s, 3) BGR.
-        box: float64 (4,): offset x, y of the target's centre from the crop's, width, height.
+        box: float64 (4,): offset x, y of the target's centre from the crop's, width, height; NaN
+            where the target is not in the search crop.
     """
 
     template: Image
@@ -43,10 +44,10 @@ class Mix:
         clips: two frames of a sequence with boxes.
     """
 
-    procedural: float = 0.44
+    procedural: float = 0.36
     composite: float = 0.24
     still: float = 0.04
-    clips: float = 0.28
+    clips: float = 0.36
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +98,7 @@ class PairSource:
     def make(self, kind: str, rng: np.random.Generator) -> Pair:
         """A pair of one generator: procedural, composite, still or clips."""
         if kind == "clips":
-            return Pair(*clip_pair(rng, self.clips, self.ranges))
+            return Pair(*clip_pair(rng, self.clips, self.ranges, self.photographs))
         if kind == "still":
             return Pair(*still_pair(rng, self.photographs, self.ranges))
         is_procedural = kind == "procedural"

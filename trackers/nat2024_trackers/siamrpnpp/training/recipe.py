@@ -126,9 +126,10 @@ class PairLoss:
     def __call__(self, batch: Mapping[str, Tensor]) -> dict[str, Tensor]:
         """positive, negative, cross and box; see `loss`."""
         device = batch["box"].device
+        self.anchors = self.anchors.to(device)
         is_half = self.settings.precision == "bfloat16"
         with torch.autocast(device.type, torch.bfloat16, enabled=is_half):
-            terms = pair_terms(self.network, batch, self.anchors.to(device))
+            terms = pair_terms(self.network, batch, self.anchors)
         return {name: WEIGHTS[name] * term for name, term in terms.items()}
 
 

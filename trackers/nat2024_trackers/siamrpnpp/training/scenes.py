@@ -1,12 +1,21 @@
 """Pairs made of photographs: objects cut out and laid on others, and regions as they are."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import cv2
 import numpy as np
 
 from nat2024.types import Box, Floats, Image
+from nat2024_trackers.siamrpnpp.training.cuts import (
+    Cut,
+    Placed,
+    brightened,
+    draw_cut,
+    draw_target,
+    lay,
+    shade,
+)
 from nat2024_trackers.siamrpnpp.training.geometry import (
     EXEMPLAR,
     Rng,
@@ -20,68 +29,77 @@ from nat2024_trackers.siamrpnpp.training.geometry import (
     warp,
 )
 from nat2024_trackers.siamrpnpp.training.movement import Move, Ranges, draw_move
+from nat2024_trackers.siamrpnpp.training.occluders import cover, occlude_search, occlude_template
 from nat2024_trackers.siamrpnpp.training.photometry import expose_pair
-from nat2024_trackers.siamrpnpp.training.shapes import SIDE, draw_mask
+from nat2024_trackers.siamrpnpp.training.shapes import SIDE
 from nat2024_trackers.siamrpnpp.training.textures import (
     Photographs,
     photograph_map,
-    photograph_texture,
     plain_surface,
-    procedural_texture,
     recoloured,
 )
 
+_ABSENT = 0.07
+"""Share of the pairs without the target in the search crop."""
 
-@dataclass(frozen=True, slots=True)
-class Cut:
-    """An object to lay on a background.
-
-    Attributes:
-        texture: uint8 (96, 96, 3).
-        mask: uint8 (96, 96), its shape.
-        opacity: 0..1.
-        softness: Gaussian blur of its edge in crop pixels, 0 for a sharp edge.
-    """
-
-    texture: Image
-    mask: Image
-    opacity: float = 1.0
-    softness: float = 0.0
-
-
-Placed = tuple[Cut, Floats]
-"""An object and the map from its canvas to a crop."""
+_TEMPLATE_OCCLUDED = 0.18
+"""Share of the pairs with something before the target in the template."""
 
 
 def cut_pair(
     rng: Rng, photographs: Photographs, ranges: Ranges, *, procedural: bool
 ) -> tuple[Image, Image, Box]:
     """A pair of an object that was cut out of a photograph, or drawn."""
-    target = _draw_cut(rng, photographs, procedural=procedural)
+    target, later = draw_target(rng, photographs, procedural=procedural)
     aspect = float(np.exp(np.clip(rng.normal(0, 0.5), -1.2, 1.2)))
     template_map = template_placement(rng, target.mask, aspect)
-    move = draw_move(rng, ranges, turns=not procedural)
-    search_map = search_placement(template_map, target.mask, move, ranges.search)
+    move = draw_move(rng, ranges, turns=True)
+    search_map = search_placement(template_map, later.mask, move, ranges.search)
     sides = (EXEMPLAR, ranges.search)
     grounds = _backgrounds(rng, photographs, move, sides, plain=0.56 if procedural else 0.12)
-    others = _distractors(rng, photographs, target, search_map, ranges, procedural=procedural)
+    others = _distractors(rng, photographs, later, search_map, ranges, procedural=procedural)
     shadow = (rng.uniform(-0.4, 0.4, size=2), rng.uniform(0.2, 0.6)) if rng.random() < 0.4 else None
-    shown = _brightened(rng, target)
+    shown = brightened(rng, later)
     template, search = grounds
     shared = others[:1] if rng.random() < 0.4 else []
     for cut, place in shared:
-        template = _lay(template, cut, _beside(rng, place, EXEMPLAR))
+        template = lay(template, cut, _beside(rng, place, EXEMPLAR))
     for cut, place in others:
-        search = _lay(search, cut, place)
+        search = lay(search, cut, place)
+    is_absent = rng.random() < _ABSENT
     if shadow:
-        template = _shade(template, target.mask, template_map, *shadow)
-        search = _shade(search, target.mask, search_map, *shadow)
-    template = _lay(template, target, template_map)
-    search = _lay(search, shown, search_map)
-    box = tight_box(outline_of(target.mask), search_map)
-    search = _occluded(rng, photographs, search, box, procedural=procedural)
+        template = shade(template, target.mask, template_map, *shadow)
+        search = search if is_absent else shade(search, later.mask, search_map, *shadow)
+    template = lay(template, target, template_map)
+    first = tight_box(outline_of(target.mask), template_map)
+    box = tight_box(outline_of(later.mask), search_map)
+    search = search if is_absent else lay(search, shown, search_map)
+    template, search = _hidden(
+        rng, photographs, (template, search), (first, box), absent=is_absent, procedural=procedural
+    )
     template, search = expose_pair(rng, template, search)
-    return template, search, centred(box, ranges.search)
+    return template, search, np.full(4, np.nan) if is_absent else centred(box, ranges.search)
+
+
+def _hidden(
+    rng: Rng,
+    photographs: Photographs,
+    crops: tuple[Image, Image],
+    boxes: tuple[Box, Box],
+    *,
+    absent: bool,
+    procedural: bool,
+) -> tuple[Image, Image]:
+    """Both crops with what stands before the target."""
+    template, search = crops
+    if rng.random() < _TEMPLATE_OCCLUDED:
+        both = (template, search)
+        template, search = occlude_template(rng, photographs, both, boxes, procedural=procedural)
+    if not absent:
+        search = occlude_search(rng, photographs, search, boxes[1], procedural=procedural)
+    elif rng.random() < 0.5:
+        search = cover(rng, photographs, search, boxes[1], procedural=procedural)
+    return template, search
 
 
 def centred(box: Box, side: int) -> Box:
@@ -152,22 +170,6 @@ def _spread(photograph: Image):  # type: ignore[no-untyped-def]
     return of
 
 
-def _draw_cut(rng: Rng, photographs: Photographs, *, procedural: bool) -> Cut:
-    is_drawn = procedural or rng.random() < 0.1
-    texture = procedural_texture(rng) if is_drawn else photograph_texture(rng, photographs)
-    softness = float(rng.uniform(0.6, 2)) if rng.random() < 0.5 else 0.0
-    opacity = float(rng.uniform(0.6, 1)) if rng.random() < 0.1 else 1.0
-    return Cut(texture, draw_mask(rng), opacity, softness)
-
-
-def _brightened(rng: Rng, cut: Cut) -> Cut:
-    if rng.random() >= 0.5:
-        return cut
-    gain = float(np.exp(rng.uniform(-0.3, 0.3)))
-    texture = np.clip(cut.texture * np.float32(gain), 0, 255).astype(np.uint8)
-    return replace(cut, texture=texture)
-
-
 def _backgrounds(
     rng: Rng, photographs: Photographs, move: Move, sides: tuple[int, int], *, plain: float
 ) -> tuple[Image, Image]:
@@ -224,7 +226,7 @@ def _others(
 ) -> Iterator[Placed]:
     box = tight_box(outline_of(target.mask), search_map)
     for _ in range(int(rng.integers(1, 4))):
-        other = _draw_cut(rng, photographs, procedural=procedural)
+        other = draw_cut(rng, photographs, procedural=procedural)
         kind = rng.random()
         if kind < 0.35:
             other = replace(other, mask=target.mask)
@@ -242,69 +244,3 @@ def _beside(rng: Rng, place: Floats, side: int) -> Floats:
     angle = float(rng.uniform(0, 2 * np.pi))
     away = np.array([np.cos(angle), np.sin(angle)]) * side * rng.uniform(0.42, 0.6)
     return placed(place[:, :2], np.full(2, SIDE / 2), np.full(2, side / 2) + away)
-
-
-def _occluded(
-    rng: Rng, photographs: Photographs, search: Image, box: Box, *, procedural: bool
-) -> Image:
-    """Sometimes another object, or a pole, before the target; its box does not change."""
-    chance = rng.random()
-    if chance < 0.15:
-        cut = _draw_cut(rng, photographs, procedural=procedural)
-        size = box[2:] * rng.uniform(0.2, 0.6, size=2)
-        middle = box[:2] + box[2:] * rng.uniform(0, 1, size=2)
-        return _lay(search, cut, placed(np.diag(size / SIDE), np.full(2, SIDE / 2), middle))
-    if chance < 0.19:
-        colour = [float(value) for value in rng.uniform(10, 200, size=3)]
-        x = int(box[0] + box[2] * rng.uniform(0.1, 0.9))
-        lean = int(rng.normal(0, 6))
-        ends = ((x, 0), (x + lean, search.shape[0]))
-        search = search.copy()
-        cv2.line(search, *ends, colour, int(rng.integers(2, 8)))
-    return search
-
-
-def _lay(ground: Image, cut: Cut, place: Floats) -> Image:
-    """The ground with an object on it."""
-    corner, size = _part(ground, place)
-    if size < 1:
-        return ground
-    local = place.copy()
-    local[:, 2] -= corner
-    mask = warp(cut.mask, local, size, border=cv2.BORDER_CONSTANT)
-    if cut.softness:
-        mask = np.asarray(cv2.GaussianBlur(mask, (0, 0), cut.softness))
-    texture = warp(cut.texture, local, size, border=cv2.BORDER_REPLICATE)
-    return _blended(ground, corner, mask, texture, cut.opacity)
-
-
-def _shade(ground: Image, mask: Image, place: Floats, offset: Floats, opacity: float) -> Image:
-    """The ground with the soft shadow of a shape."""
-    corner, size = _part(ground, place)
-    if size < 1:
-        return ground
-    box = tight_box(np.array([[0.0, 0], [SIDE, 0], [0, SIDE], [SIDE, SIDE]]), place)
-    local = place.copy()
-    local[:, 2] += offset * box[2:] - corner
-    shadow = warp(mask, local, size, border=cv2.BORDER_CONSTANT)
-    shadow = np.asarray(cv2.GaussianBlur(shadow, (0, 0), max(1.0, 0.06 * float(box[2:].max()))))
-    return _blended(ground, corner, shadow, np.zeros((size, size, 3), np.uint8), opacity)
-
-
-def _part(ground: Image, place: Floats) -> tuple[Floats, int]:
-    """Corner and side of a square of the ground that holds an object with its shadow."""
-    box = tight_box(np.array([[0.0, 0], [SIDE, 0], [0, SIDE], [SIDE, SIDE]]), place)
-    low = np.clip(np.floor(box[:2] - 0.6 * box[2:] - 4), 0, ground.shape[0])
-    high = np.clip(np.ceil(box[:2] + 1.6 * box[2:] + 4), 0, ground.shape[0])
-    return low, int((high - low).max()) if (high > low).all() else 0
-
-
-def _blended(ground: Image, corner: Floats, mask: Image, above: Image, opacity: float) -> Image:
-    x, y = (int(value) for value in corner)
-    below = ground[y : y + mask.shape[0], x : x + mask.shape[1]]
-    rows, columns = below.shape[:2]
-    share = (mask[:rows, :columns].astype(np.float32) * np.float32(opacity / 255))[..., None]
-    blend = below + (above[:rows, :columns] - below.astype(np.float32)) * share
-    result = ground.copy()
-    result[y : y + rows, x : x + columns] = blend.astype(np.uint8)
-    return result

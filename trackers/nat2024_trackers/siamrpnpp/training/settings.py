@@ -24,13 +24,13 @@ class PairSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_o
 
     search: Annotated[int, msgspec.Meta(ge=127)] = 191
     shift: Amount = 32.0
-    scale: Amount = 0.5
-    aspect: Amount = 0.15
+    scale: Amount = 0.6
+    aspect: Amount = 0.3
     turn: Amount = 0.12
-    procedural: Share = 0.44
+    procedural: Share = 0.36
     composite: Share = 0.24
     still: Share = 0.04
-    clips: Share = 0.28
+    clips: Share = 0.36
     checked: Annotated[int, msgspec.Meta(ge=3)] = 48
     precision: Literal["bfloat16", "float32"] = "bfloat16"
 

@@ -33,7 +33,8 @@ def assign(boxes: Tensor, anchors: Tensor) -> Assignment:
     a target half again as large as assumed has hardly any positive anchor.)
 
     Args:
-        boxes: float32 (n, 4) centre offset x, y, width, height in crop pixels.
+        boxes: float32 (n, 4) centre offset x, y, width, height in crop pixels; NaN where the
+            target is not in the crop, so that every anchor is negative.
         anchors: float32 (4, k) in the same form, of `anchor_boxes`.
     """
     x, y, width, height = (part[:, None] for part in boxes.T)
@@ -45,7 +46,8 @@ def assign(boxes: Tensor, anchors: Tensor) -> Assignment:
     offsets = torch.stack(
         [(x - ax) / aw, (y - ay) / ah, torch.log(width / aw), torch.log(height / ah)], dim=1
     )
-    return Assignment(positive, (overlap < _NEGATIVE) & ~positive, offsets)
+    # An overlap with no target is NaN, which is not above anything.
+    return Assignment(positive, ~(overlap >= _NEGATIVE) & ~positive, offsets.nan_to_num())
 
 
 def _overlap(first: tuple[Tensor, ...], second: tuple[Tensor, ...]) -> Tensor:

@@ -78,7 +78,7 @@ def plain_surface(rng: Rng, photographs: Photographs, side: int) -> Image:
     x, y = int(rng.integers(width - part)), int(rng.integers(height - part))
     patch = cv2.resize(photograph[y : y + part, x : x + part], (side, side))
     if rng.random() < 0.5:
-        patch = cv2.GaussianBlur(patch, (0, 0), 4)
+        patch = cv2.blur(cv2.blur(patch, (9, 9)), (9, 9))
     return _to_image(np.asarray(patch, dtype=np.float32) + coarse_noise(rng, side, 10))
 
 
