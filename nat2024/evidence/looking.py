@@ -219,7 +219,9 @@ def _picture(image: Image, target: Box) -> _Picture:
     half = np.array([region, region * height / width]) / 2
     limits = np.array([frame_width, frame_height])
     low = np.clip(centre - half, 0, np.maximum(0, limits - 2 * half))  # inside of the frame
-    warp = np.array([[scale, 0, -scale * low[0]], [0, scale, -scale * low[1]]])
+    # OpenCV counts from the middle of the first pixel, boxes from its edge
+    shift = (scale - 1) / 2 - scale * low
+    warp = np.array([[scale, 0, shift[0]], [0, scale, shift[1]]])
     left, top = np.floor(low).astype(int)
     right, bottom = np.minimum(np.ceil(low + 2 * half).astype(int), limits)
     if scale < 1:

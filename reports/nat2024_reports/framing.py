@@ -88,7 +88,9 @@ def cut_view(image: Image, view: Box, size: tuple[int, int]) -> Image:
 def _shifted(image: Image, corner: Boxes, scale: Boxes, size: tuple[int, int]) -> Image:
     import cv2
 
-    warp = np.array([[scale[0], 0, -corner[0]], [0, scale[1], -corner[1]]])
+    # OpenCV counts from the middle of the first pixel, boxes from its edge
+    shift = (scale - 1) / 2 - corner
+    warp = np.array([[scale[0], 0, shift[0]], [0, scale[1], shift[1]]])
     view = cv2.warpAffine(
         image, warp, size, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
     )

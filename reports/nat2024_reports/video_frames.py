@@ -10,14 +10,16 @@ from nat2024.types import Box, Image
 from nat2024_reports.figures.looks import Look
 from nat2024_reports.framing import choose_view, cut_view, place_box
 from nat2024_reports.overlays import WHITE, Color, DrawnBox, bgr, draw_into, write_lines
+from nat2024_reports.style import shortened
 
 WIDEST = 1280
 """Of a video, in pixels."""
 
 _GROUND = (24, 24, 24)
 _MISSING = (70, 70, 70)
+_LETTER = 7  # pixels, about
 _ROW = 24  # pixels of one line of the legend
-_LEAST_ENTRY = 300  # pixels of one entry of the legend
+_LEAST_ENTRY = 236  # pixels of one entry of the legend
 _INSET = 0.34  # side of an inset over the height of its panel
 _INSET_SIDES = 2.6  # side of what it shows over the size of the target
 _MAGNIFIED = 1.4  # an inset that magnifies less shows nothing new
@@ -46,7 +48,7 @@ class Scene:
 def panel_size(frame_size: tuple[int, int], panels: int, widest: int = WIDEST) -> tuple[int, int]:
     """Width and height of each of `panels` pictures side by side: even, never enlarged."""
     scale = min(1.0, widest / (panels * frame_size[0]))
-    width, height = (max(2, round(side * scale / 2) * 2) for side in frame_size)
+    width, height = (max(2, int(side * scale / 2 + 1e-9) * 2) for side in frame_size)
     return width, height
 
 
@@ -152,10 +154,10 @@ def _legend(scene: Scene, looks: Mapping[str, Look], width: int) -> Image:
     legend = np.full((_legend_height(width, len(looks)), width, 3), _GROUND, dtype=np.uint8)
     columns = _legend_columns(width)
     entries: list[tuple[str, Color, bool]] = [("Ground truth", WHITE, False)]
+    letters = (width // columns - 90) // _LETTER
     for run, look in looks.items():
-        entries.append(
-            (f"{_ascii(look.label)}{_told(scene, run)}", bgr(look.color), look.is_dashed)
-        )
+        text = f"{_ascii(shortened(look.label, letters))}{_told(scene, run)}"
+        entries.append((text, bgr(look.color), look.is_dashed))
     for number, (text, color, is_dashed) in enumerate(entries):
         row, column = divmod(number, columns)
         left, middle = round(column * width / columns) + 10, 4 + _ROW * row + _ROW // 2

@@ -5,6 +5,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from nat2024.cli.showing.scenes import Shown, choose_frames
 from nat2024.errors import UsageError
 from nat2024.evaluation import Evaluation
@@ -71,8 +73,11 @@ class Settings:
                 (f, ", ".join(reasons[f].reasons), reasons[f].run) if f in reasons else (f, "", "")
                 for f in self.frames
             ]
-        scored = {int(f) for track in shown.evidence.tracks.values() for f in track.frames}
-        return choose_frames(shown.moments, scored, self.count)
+        tracks = shown.evidence.tracks.values()
+        known = {int(f) for t in tracks for f in t.frames[~np.isnan(t.overlap)]}
+        return choose_frames(
+            shown.moments, known or {int(f) for t in tracks for f in t.frames}, self.count
+        )
 
     def video_frames(self, shown: Shown) -> range:
         """Numbers of the frames of a video.

@@ -10,7 +10,7 @@ from nat2024.boxes import write_boxes
 from nat2024.datasets import load_dataset
 from nat2024.errors import FrameUnreadable
 from nat2024.evaluation import evaluate
-from nat2024.evidence import Evidence, gather
+from nat2024.evidence import Evidence, correlate_gains, gains_and_light, gather
 from nat2024.evidence.keeping import FOLDER
 from nat2024.store import DatasetRecord, Manifest, PluginRecord, RunFolder
 from nat2024.types import Dataset, Sequence
@@ -237,3 +237,21 @@ def test_truth_on_some_frames_only(results: tuple[Dataset, Path]) -> None:
     assert track.frames.tolist() == [0, 3, 5, 7]
     assert track.first_loss == 3
     assert {t.frame for t in evidence["wide"].thumbnails} <= {0, 3, 5, 7}
+
+
+def test_gains_stand_beside_the_light_of_their_sequences(results: tuple[Dataset, Path]) -> None:
+    dataset, folder = results
+    evaluation = evaluate(folder, dataset)
+    evidence = gather(evaluation, dataset, folder, enhance=False)
+    table = gains_and_light(evaluation, evidence)
+    assert table.sequence.tolist() == ["narrow", "tall", "wide"]
+    assert set(table.run) == {"mosse+gamma"}
+    assert (table.gain < -0.3).all()
+    light = evidence.light().set_index("sequence")
+    assert table.unevenness.tolist() == light.unevenness.tolist()
+    found = correlate_gains(table)
+    assert list(found) == ["gamma"]
+    assert found["gamma"].pairs == 3
+    bare = gather(evaluation, dataset, folder, frames=False)
+    assert gains_and_light(evaluation, bare).empty
+    assert correlate_gains(gains_and_light(evaluation, bare)) == {}

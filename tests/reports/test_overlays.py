@@ -1,0 +1,68 @@
+import numpy as np
+
+from nat2024_reports.figures.looks import Look
+from nat2024_reports.overlays import DrawnBox, bgr, draw_boxes, draw_into
+from nat2024_reports.video_frames import Scene, panel_size, video_frame, video_size
+
+RED = (0, 0, 255)
+LOOKS = {
+    "t": Look("T", "#0072B2", True, "", "o"),
+    "t+e": Look("T + E…", "#0072B2", False, "", "s"),
+}
+
+
+def grey(height: int = 90, width: int = 160) -> np.ndarray:
+    return np.full((height, width, 3), 90, np.uint8)
+
+
+def test_solid_boxes_are_closed_and_dashed_ones_have_gaps_and_corners() -> None:
+    for is_dashed in (False, True):
+        image = grey()
+        draw_into(image, [DrawnBox(np.array([20.0, 10, 80, 60]), RED, is_dashed)], 1)
+        top = (image[10, 20:101, 2] > 150) & (image[10, 20:101, 0] < 60)
+        assert top[0]
+        assert top[-1]
+        assert top.all() == (not is_dashed)
+        assert top.mean() > 0.4
+        assert (image[30, 40] == 90).all()
+
+
+def test_bad_boxes_are_left_out_and_far_ones_harm_nothing() -> None:
+    image = grey()
+    boxes = [np.full(4, np.nan), np.array([1e12, -1e12, 4, 4]), np.array([-1e9, -1e9, 2e9, 2e9])]
+    for is_dashed in (False, True):
+        draw_into(image, [DrawnBox(box, RED, is_dashed) for box in boxes], 1, halo=True)
+    assert (image == 90).all()
+
+
+def test_the_frame_itself_is_not_changed() -> None:
+    image = grey()
+    drawn = draw_boxes(image, np.array([5.0, 5, 20, 20]), None, ("text",))
+    assert (image == 90).all()
+    assert (drawn != 90).any()
+
+
+def test_video_frames_have_one_even_size() -> None:
+    assert bgr("#0072B2") == (178, 114, 0)
+    box = np.array([60.0, 40, 12, 10])
+    for panels in ({"": grey()}, {"original": grey(), "LDEnhancer": None}):
+        scene = Scene(7, panels, box, {"t": box + 3, "t+e": None}, {"t": 0.5, "t+e": np.nan})
+        frame = video_frame(scene, LOOKS, (160, 90))
+        width, height = video_size((160, 90), len(panels), len(LOOKS))
+        assert frame.shape == (height, width, 3)
+        assert (width % 2, height % 2) == (0, 0)
+    blind = video_frame(Scene(0, {"": grey()}), LOOKS, (160, 90), inset=False)
+    assert blind.shape[1] == 160
+    assert panel_size((1921, 1081), 2) == (640, 360)
+    assert panel_size((161, 91), 1) == (160, 90)
+
+
+def test_an_inset_magnifies_a_small_target() -> None:
+    image = np.zeros((720, 1280, 3), np.uint8)
+    image[500:510, 300:310] = 255
+    scene = Scene(0, {"": image}, np.array([300.0, 500, 10, 10]))
+    with_inset = video_frame(scene, {}, (1280, 720))
+    without = video_frame(scene, {}, (1280, 720), inset=False)
+    corner = np.s_[10:250, 1020:1270]
+    assert without[corner].max() == 0
+    assert (with_inset[corner] > 200).sum() > 20 * 100
