@@ -152,8 +152,9 @@ def test_an_enhancer_gives_what_it_gives_on_the_cpu(name):
 @pytest.mark.parametrize("name", OTHERS)
 def test_methods_without_networks_take_batches_there(name):
     batch = torch.rand(1, 3, 40, 56, generator=torch.Generator().manual_seed(1)) * 0.4
-    expected = nat2024.create_enhancer(name).enhance_batch(batch)
-    found = nat2024.create_enhancer(name, device="cuda").enhance_batch(batch.cuda())
+    weights = {"weights": False} if name == "tone_curve" else {}  # the curve that changes nothing
+    expected = nat2024.create_enhancer(name, **weights).enhance_batch(batch)
+    found = nat2024.create_enhancer(name, device="cuda", **weights).enhance_batch(batch.cuda())
     assert found.is_cuda
     torch.testing.assert_close(found.cpu(), expected, atol=2 / 255, rtol=0)
 
