@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
     from nat2024.evaluation import Evaluation, RunScores
     from nat2024.evidence import Evidence, SequenceEvidence
+    from nat2024.metrics import Protocol
     from nat2024.types import Dataset
     from nat2024_reports.page import (
         Column,
@@ -101,11 +102,11 @@ def _dataset_part(
     evidence = _gathered(scored, frames, progress)
     protocols = [_protocol_scores(evaluation)]
     remarks = [*_about_runs(evaluation), *evaluation.remarks(), *evidence.notes]
-    for other in _other_protocols(evaluation):
+    for other in _other_protocols(scored):
         try:
             protocols.append(_protocol_scores(_evaluated(scored, other, on_length)))
         except NatBenchError as error:
-            remarks.append(f"not scored under protocol {other}: {error}")
+            remarks.append(f"not scored under protocol {other.title}: {error}")
     if not frames:
         remarks.append("frames were left out: no light and no pictures")
     return DatasetPart(
@@ -142,13 +143,22 @@ def _about_runs(evaluation: "Evaluation") -> Iterator[str]:
         yield f"no manifest tells how these were made: {few}"
 
 
-def _other_protocols(evaluation: "Evaluation") -> list[str]:
-    from nat2024.metrics import list_protocols
+def _other_protocols(scored: Scored) -> "Iterator[Protocol]":
+    """Every protocol but the main one, in the form that takes this ground truth."""
+    import numpy as np
 
-    return [name for name in list_protocols() if name != evaluation.protocol.name]
+    from nat2024.metrics import Protocol, list_protocols
+
+    has_gaps = any(np.isnan(sequence.boxes).any() for sequence in scored.dataset)
+    for name in list_protocols():
+        if name == scored.evaluation.protocol.name:
+            continue
+        # pytracking refuses NaN but under its label of drone video
+        label = "uav" if name == "pytracking" and has_gaps else None
+        yield Protocol(name, label=label)
 
 
-def _evaluated(scored: Scored, protocol: str, on_length: str | None) -> "Evaluation":
+def _evaluated(scored: Scored, protocol: "Protocol", on_length: str | None) -> "Evaluation":
     from nat2024.evaluation import evaluate
 
     names = [run.run for run in scored.evaluation.runs]

@@ -75,5 +75,5 @@ function ranks(view, panel) {
     type: "button", "aria-pressed": !view.state.off.includes(run.name), "data-run": run.number,
     "data-focus": `rank-${panel.key}-${run.number}`,
     on: { click: () => choose({ off: toggled(view.state.off, run.name) }), ...lighting(run.number) },
-  }, sample(run), element("span", {}, `[${shown(score(run))}]`), element("span", { class: "name" }, run.label)))));
+  }, sample(run), element("span", {}, `[${shown(score(run))}]`), named(run.label)))));
 }

@@ -34,8 +34,9 @@ function note(...words) {
   return element("p", { class: "note" }, words);
 }
 
+// A name from outside; <bdi> keeps letters that run from right to left from turning its neighbours.
 function named(text) {
-  return element("span", { class: "name" }, text);
+  return element("bdi", { class: "name" }, text);
 }
 
 function byId(id) {

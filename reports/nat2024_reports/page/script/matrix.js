@@ -77,8 +77,8 @@ function sequences(view) {
   const columns = [
     { key: "name", title: "Sequence", isHead: true, value: ({ sequence }) => sequence.name,
       cell: ({ sequence }) => element("a", {
-        class: "name", href: linkTo({ sequence: sequence.name, frame: "" }), tabindex: "-1",
-      }, sequence.name) },
+        href: linkTo({ sequence: sequence.name, frame: "" }), tabindex: "-1",
+      }, named(sequence.name)) },
     { key: "frames", title: "frames", number: true, value: ({ sequence }) => sequence.frames,
       cell: ({ sequence }) => sequence.frames },
     ...(hasCategory ? [{ key: "category", title: "Category", value: ({ sequence }) => sequence.category || null,

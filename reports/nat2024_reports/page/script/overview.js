@@ -83,7 +83,7 @@ function gainText(gain) {
   if (!gain) return "";
   const text = isKnown(gain.gain) ? signed(gain.gain) : MISSING;
   if (gain.certain) return text;
-  return [element("span", { title: "Not told from chance", "aria-label": "uncertain" }, "\u25CB\u202F"), text];
+  return [element("span", { title: "Not told from chance", "aria-label": "uncertain" }, "~"), text];
 }
 
 function speedColumn(rows) {
@@ -100,13 +100,13 @@ function ranksOf(values) {
 }
 
 function legendOfMarks(view, rows) {
-  const parts = [];
+  const parts = view.metrics.length ? [] : ["No score has a number under this protocol. "];
   if (rows.length > 1) {
     parts.push(element("span", { class: "best" }, "Bold"), ": best of the rows shown; ",
       element("span", { class: "second" }, "underlined"), ": second. ");
   }
   if (Object.keys(view.scores.gains).length) {
-    parts.push("\u25CB: could be chance, as the 95 % bootstrap interval over sequences includes no gain, "
+    parts.push("~: could be chance, as the 95 % bootstrap interval over sequences includes no gain, "
       + "or there are too few sequences to tell. ");
   } else {
     parts.push("No gains: they need a tracker both with an enhancer and without. ");
