@@ -90,10 +90,13 @@ def figure_bytes(figure: "Figure", ending: str) -> bytes:
         figure: any; its layout is settled here, once for all files that are made of it.
         ending: one of `ENDINGS`.
     """
+    from matplotlib.layout_engine import PlaceHolderLayoutEngine
+
     kind = {".jpeg": "jpg"}.get(ending.lower(), ending.lower().lstrip("."))
     buffer = io.BytesIO()
+    engine = figure.get_layout_engine()
     with figure_style():
-        if figure.get_layout_engine() is not None:
+        if not (engine is None or isinstance(engine, PlaceHolderLayoutEngine)):
             figure.draw_without_rendering()
             figure.set_layout_engine("none")
         figure.savefig(buffer, format=kind, **_UNDATED[kind])
