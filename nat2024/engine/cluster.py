@@ -5,7 +5,6 @@ plugin files must lie on every worker under the paths that the client names.
 """
 
 import contextlib
-import importlib
 import logging
 import queue
 import secrets
@@ -81,16 +80,20 @@ def run_on_cluster(
         yield from _Campaign(client, units, expected, setting, progress).work()
 
 
+def _untyped(module: object) -> Any:
+    return module
+
+
 def _connect(cluster: str, workers: int, stack: contextlib.ExitStack) -> Client:
     try:
-        distributed: Any = importlib.import_module("distributed")
+        import distributed
     except ImportError:
         msg = '--cluster needs Dask: pip install "nat-bench[cluster]"'
         raise UsageError(msg) from None
     try:
         with born_deaf_to_interrupts():
-            address = _start(distributed, cluster, workers, stack)
-        client = distributed.Client(address, timeout=_CONNECT_SECONDS)
+            address = _start(cluster, workers, stack)
+        client = _untyped(distributed).Client(address, timeout=_CONNECT_SECONDS)
     except (OSError, TimeoutError, ValueError) as error:
         told = " ".join(str(error).split())
         msg = f"cluster {cluster}: cannot be reached ({told}); is its scheduler running?"
@@ -98,10 +101,12 @@ def _connect(cluster: str, workers: int, stack: contextlib.ExitStack) -> Client:
     return stack.enter_context(client)
 
 
-def _start(distributed: Any, cluster: str, workers: int, stack: contextlib.ExitStack) -> Any:
+def _start(cluster: str, workers: int, stack: contextlib.ExitStack) -> Any:
     """The address of a cluster that runs, or one that is started here and ends with us."""
     if cluster == "local":
-        local = distributed.LocalCluster(n_workers=workers, threads_per_worker=1)
+        import distributed
+
+        local = _untyped(distributed).LocalCluster(n_workers=workers, threads_per_worker=1)
         return stack.enter_context(local)
     if cluster == "slurm":
         return stack.enter_context(_slurm(workers))
@@ -113,12 +118,12 @@ def _start(distributed: Any, cluster: str, workers: int, stack: contextlib.ExitS
 
 def _slurm(workers: int) -> Any:
     try:
-        jobqueue: Any = importlib.import_module("dask_jobqueue")
+        import dask_jobqueue
     except ImportError:
         msg = '--cluster slurm needs dask-jobqueue: pip install "nat-bench[cluster]"'
         raise UsageError(msg) from None
     try:
-        cluster = jobqueue.SLURMCluster()
+        cluster = _untyped(dask_jobqueue).SLURMCluster()
     except (ValueError, TypeError) as error:
         told = " ".join(str(error).split())
         msg = (
@@ -308,7 +313,9 @@ def _run_on_worker(
     unit: Unit, expected: Expected, setting: Setting, topic: str, key: str
 ) -> _Answer:
     """What a worker of the cluster does; the outcomes go back to the client, who writes them."""
-    worker = importlib.import_module("distributed").get_worker()
+    import distributed
+
+    worker = distributed.get_worker()
 
     def tell(frames: int, what: str) -> None:
         news = {"key": key, "worker": worker.address, "frames": frames, "what": what}

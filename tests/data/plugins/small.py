@@ -1,6 +1,7 @@
 """Plugins for tests: trackers that stand still, fail or die, and an enhancer that inverts."""
 
 import os
+import time
 from typing import Any
 
 import numpy as np
@@ -35,6 +36,15 @@ class Still(_Small):
 
     def see(self, image: Any) -> Any:
         return super().see(image) + self.step * self._frame
+
+
+@register_tracker("slow")
+class Slow(_Small):
+    """Takes five milliseconds a frame."""
+
+    def see(self, image: Any) -> Any:
+        time.sleep(0.005)
+        return super().see(image)
 
 
 @register_tracker("fails")

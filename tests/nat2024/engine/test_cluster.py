@@ -1,9 +1,14 @@
 """Tracking on a Dask cluster: the same bytes, written by the client, whatever workers do."""
 
 import os
+import random
 import shutil
+import signal
 import stat
+import subprocess
 import sys
+import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -136,9 +141,98 @@ def test_a_sequence_that_takes_workers_down_fails_alone(
     assert RunFolder(report.folder / "dies").finished() == ["tall"]
 
 
+def kill_cluster_workers(
+    client: Any, clip: Path, results: Path, small_plugins: str, *, times: int, seed: int
+) -> None:
+    """Kill the processes of workers at random moments; their nannies start new ones."""
+    moments, over, killed = random.Random(seed), threading.Event(), []
+
+    def kill() -> None:
+        while len(killed) < times and not over.wait(moments.uniform(0.05, 0.5)):
+            nannies = client.cluster.workers.values()
+            victim = moments.choice([n.pid for n in nannies if n.pid] or [None])
+            if victim:
+                os.kill(victim, signal.SIGKILL)
+                killed.append(victim)
+                over.wait(2)
+
+    thread = threading.Thread(target=kill)
+    thread.start()
+    try:
+        report = run_benchmark(
+            combine(["slow"], ["none", "clahe"]),
+            nat2024.load_dataset(clip),
+            results,
+            cluster=client,
+            plugins=(small_plugins,),
+            retries=1000,
+        )
+    finally:
+        over.set()
+        thread.join()
+    assert killed
+    assert report.failures == ()
+
+
+def test_workers_of_a_cluster_are_killed(
+    client: Any, night_clip: Path, tmp_path: Path, small_plugins: str
+) -> None:
+    kill_cluster_workers(client, night_clip, tmp_path / "a", small_plugins, times=1, seed=8)
+    run_benchmark(
+        combine(["slow"], ["none", "clahe"]), nat2024.load_dataset(night_clip), tmp_path / "b"
+    )
+    assert box_files(tmp_path / "a") == box_files(tmp_path / "b")
+    assert not [p for p in (tmp_path / "a").rglob("*") if p.name.startswith(".")]
+
+
+@pytest.mark.slow
+def test_a_longer_soak(client: Any, night_clip: Path, tmp_path: Path, small_plugins: str) -> None:
+    run_benchmark(
+        combine(["slow"], ["none", "clahe"]), nat2024.load_dataset(night_clip), tmp_path / "b"
+    )
+    for seed in range(8):
+        results = tmp_path / str(seed)
+        kill_cluster_workers(client, night_clip, results, small_plugins, times=3, seed=seed)
+        assert box_files(results) == box_files(tmp_path / "b")
+
+
+@pytest.mark.slow
+def test_a_local_cluster_ends_with_who_started_it(
+    night_clip: Path, tmp_path: Path, small_plugins: str
+) -> None:
+    words = ["run", "--tracker", "slow", "--dataset", str(night_clip), "--plugin", small_plugins]
+    words += ["--results", str(tmp_path), "--cluster", "local", "--workers", "2", "-q"]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "nat2024", *words], start_new_session=True, stdout=subprocess.DEVNULL
+    )
+    while process.poll() is None and not list((tmp_path / "night_clip").glob("*/*.txt")):
+        time.sleep(0.01)
+    os.kill(process.pid, signal.SIGKILL)
+    process.wait()
+    deadline = time.monotonic() + 60
+    while time.monotonic() < deadline and members(process.pid):
+        time.sleep(0.1)
+    assert not members(process.pid)
+    assert subprocess.run([sys.executable, "-m", "nat2024", *words], check=False).returncode == 0
+    assert len(box_files(tmp_path)) == 3
+
+
+def members(session: int) -> list[int]:
+    """Processes of a session that still run."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            fields = path.read_text().rpartition(")")[2].split()
+        except OSError:
+            continue
+        if int(fields[3]) == session and fields[0] != "Z":
+            found.append(int(path.parent.name))
+    return found
+
+
 SBATCH = """#!/bin/sh
-nohup setsid sh "$1" > "$1.log" 2>&1 < /dev/null &
-echo $! > {folder}/job.pid
+cp "$1" {folder}/job.sh  # the original is removed as soon as this returns
+nohup setsid sh {folder}/job.sh > {folder}/job.log 2>&1 < /dev/null &
 echo "Submitted batch job $!"
 """
 SCANCEL = """#!/bin/sh
