@@ -207,7 +207,8 @@ def _all_notes(job: _Job, count: int) -> list[str]:
         which = "any sequence" if len(job.without_images) == count else names
         notes.append(f"no readable images of {which}: no light and no thumbnails")
     for name, errors in job.unreadable.items():
-        notes.append(f"{name}: {len(errors)} frames cannot be read, such as {min(errors)}")
+        unit = "frame" if len(errors) == 1 else "frames"
+        notes.append(f"{name}: {len(errors)} {unit} cannot be read, such as {min(errors)}")
     return notes
 
 

@@ -118,7 +118,7 @@ def command(
     from nat2024.cli.scoring import print_notes, score_with_datasets
     from nat2024.cli.showing.settings import check_runs, read_names, read_settings
 
-    chosen = read_settings(forms, shared.choose_device(device), settings)
+    chosen = read_settings(forms, device, settings)
     shared.load_plugins(plugins)
     wanted = Wanted(*(read_names(t) for t in (trackers, enhancers, (), sequences)))
     scored = score_with_datasets(scoring)
@@ -222,9 +222,11 @@ def _prepare(
         for scores in kept
         if scores.run == run_name.run and scores.manifest and scores.manifest.enhancer
     }
-    made, problems = (
-        scenes.enhancers_of(records, settings.device) if settings.enhances else ({}, [])
-    )
+    if not settings.enhances:
+        records = {}
+    # choosing a device takes a network library, so only where there is something to enhance
+    device = shared.choose_device(settings.device) if records else "cpu"
+    made, problems = scenes.enhancers_of(records, device)
     moments = scenes.moments_of(evaluation, evidence)
     return scenes.Shown(one.dataset[name], evidence, looks, moments, made, problems)
 

@@ -187,7 +187,7 @@ def test_a_frame_that_cannot_be_read_is_named_and_left_out(results: tuple[Datase
     finally:
         frame.write_bytes(before)
     (note,) = evidence.notes
-    assert note.startswith("wide: 1 frames cannot be read, such as ")
+    assert note.startswith("wide: 1 frame cannot be read, such as ")
     light = evidence["wide"].light
     assert light is not None
     assert np.isnan(light.mean).tolist() == [False] * 3 + [True] + [False] * 4
