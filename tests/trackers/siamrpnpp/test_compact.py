@@ -46,8 +46,8 @@ def test_the_network_has_its_size():
         small, large = torch.empty(2, 3, 127, 127), torch.empty(2, 3, 255, 255)
         classes, offsets = network(small, large)
         features = [network.backbone(crop).shape for crop in (small, large)]
-    assert sum(parameter.numel() for parameter in network.parameters()) == 330_030
-    assert features == [(2, 64, 6, 6), (2, 64, 22, 22)]
+    assert sum(parameter.numel() for parameter in network.parameters()) == 1_312_318
+    assert features == [(2, 128, 6, 6), (2, 128, 22, 22)]
     assert classes.shape == (2, 10, 17, 17)
     assert offsets.shape == (2, 20, 17, 17)
 

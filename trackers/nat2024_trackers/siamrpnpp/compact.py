@@ -1,7 +1,7 @@
 """The small network of the variant `compact`, which trains from fresh weights on a CPU.
 
 Seven 3x3 convolutions without padding, whose maps have the sizes of AlexNet's (6 of 127, 22 of
-255), under the head of SiamRPN++ 64 channels wide. Nothing is padded, so it may be trained on
+255), under the head of SiamRPN++ 128 channels wide. Nothing is padded, so it may be trained on
 smaller search crops than it tracks with.
 """
 
@@ -11,7 +11,7 @@ from torch import Tensor, nn
 from nat2024_trackers.siamese.layers import Layers
 from nat2024_trackers.siamrpnpp.model import DepthwiseRPN
 
-WIDTH = 64
+WIDTH = 128
 """Channels of the deeper layers and of the head."""
 
 _DEEP = 4

@@ -55,7 +55,7 @@ _ALEX = _constants(287, 0, 0.16, 0.40, 0.30)
 _MOBILEV2 = _constants(255, 8, 0.04, 0.40, 0.50)
 _R50 = _constants(255, 8, 0.05, 0.42, 0.38)
 _R50_OTB = _constants(255, 8, 0.24, 0.50, 0.25)
-_COMPACT = _constants(255, 0, 0.60, 0.30, 0.20)
+_COMPACT = _constants(255, 0, 0.60, 0.30, 0.30)
 
 VARIANTS: dict[str, Variant] = {
     "alex": Variant("alexnet", _ALEX, "siamrpn_alex_dwxcorr"),
