@@ -16,7 +16,8 @@ from nat2024_reports.page.payload import METRICS, page_payload, plain
 
 SCRIPTS = (
     "elements", "numbers", "state", "selection", "highlight", "tables", "controls", "overview",
-    "charts", "curves", "gains", "matrix", "failures", "timeline", "pictures", "sequence", "main",
+    "charts", "curves", "gains", "matrix", "failures", "scatter",
+    "timeline", "pictures", "sequence", "main",
 )  # fmt: skip
 """Modules of the page's script in the order in which they need each other."""
 

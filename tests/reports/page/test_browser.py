@@ -75,7 +75,7 @@ def pages(
 def shared_tab(browser: Any, pages: Path) -> Iterator[Tab]:
     context = browser.new_context(viewport={"width": 1200, "height": 900})
     tab = context.new_page()
-    tab.set_default_timeout(5000)
+    tab.set_default_timeout(20_000)
     yield Tab(tab, pages)
     context.close()
 

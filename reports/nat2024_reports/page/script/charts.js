@@ -12,6 +12,11 @@ function logarithmic(from, to, start, end) {
   return (value) => inner(Math.log(Math.max(from, Math.min(to, value))));
 }
 
+// Width of a chart across the page, so that its letters keep their size on a telephone.
+function wideChart() {
+  return Math.max(330, Math.min(1200, document.documentElement.clientWidth - 40));
+}
+
 // A frame of axes; gives the node to draw into and both scales.
 function chart({ width = 400, height = 270, label, x, y, left = 42, right = 8, top = 8, bottom = 36, className = "" }) {
   const xs = (x.log ? logarithmic : linear)(x.from, x.to, left, width - right);
@@ -26,7 +31,7 @@ function chart({ width = 400, height = 270, label, x, y, left = 42, right = 8, t
     );
   }
   const floor = height - bottom;
-  for (const value of x.ticks || ticks(x.from, x.to, 5)) {
+  for (const value of x.ticks || ticks(x.from, x.to, Math.min(8, width / 70))) {
     node.append(
       drawn("line", { class: "axis", x1: xs(value), x2: xs(value), y1: floor, y2: floor + 4 }),
       drawn("text", { x: xs(value), y: floor + 15, "text-anchor": "middle" }, x.format ? x.format(value) : value),

@@ -3,6 +3,7 @@
 const THEMES = { dark: "Light", light: "Dark" };
 const scrolled = new Map();
 let lastView = null;
+let drawnWidth = 0;
 
 function start() {
   DATA = JSON.parse(byId("data").textContent);
@@ -10,6 +11,7 @@ function start() {
   history.scrollRestoration = "manual";
   window.addEventListener("hashchange", render);
   window.addEventListener("scroll", () => scrolled.set(lastView, window.scrollY), { passive: true });
+  window.addEventListener("resize", resized);
   document.querySelector(".skip").addEventListener("click", (event) => {
     event.preventDefault();
     byId("main").focus();
@@ -30,6 +32,7 @@ function render() {
   byId("summary").textContent = summaryOf(view);
   byId("controls").replaceChildren(controls(view));
   byId("view").replaceChildren(...(view.sequence < 0 ? overviewParts(view) : sequenceView(view)));
+  drawnWidth = wideChart();
   pinnedRun = view.pinned;
   light(null);
   document.title = name ? `${name} \u2013 ${DATA.title}` : DATA.title;
@@ -72,6 +75,11 @@ function restore(focus, caret, isOther, name) {
     node.focus({ preventScroll: true });
     if (node.type === "search") node.setSelectionRange(caret, caret);
   }
+}
+
+// Charts across the page are drawn for its width; a telephone that is turned gets them anew.
+function resized() {
+  if (wideChart() !== drawnWidth && !window.matchMedia("print").matches) render();
 }
 
 function focusable(key) {

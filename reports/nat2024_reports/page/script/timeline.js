@@ -1,6 +1,6 @@
 // Overlap, centre error and light over the frames of one sequence, under one common cursor.
 
-const SIZE = { width: 1040, height: 210, left: 48, right: 10, top: 12, bottom: 32 };
+const SIZE = { height: 210, left: 48, right: 10, top: 12, bottom: 32 };
 const ERRORS = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000];
 
 function timelines(view, detail, sequence) {
@@ -12,11 +12,11 @@ function timelines(view, detail, sequence) {
     error: decodeWords(detail.tracks[run.number].error, DATA.steps.error),
   }));
   const last = Math.max(1, sequence.frames - 1);
-  const round = ticks(0, last, 8).filter((value) => value > 0 && Number.isInteger(value));
+  const round = ticks(0, last, Math.min(10, wideChart() / 80)).filter((value) => value > 0 && Number.isInteger(value));
   const x = { from: 0, to: last, ticks: [0, ...round.map((value) => value - 1)], format: (value) => value + 1 };
   const charts = [overlapChart(tracks, frames, x), errorChart(tracks, frames, x), ...lightCharts(detail.light, x)];
   const lowest = charts[charts.length - 1];
-  lowest.node.append(drawn("text", { x: SIZE.width / 2, y: lowest.height - 3, "text-anchor": "middle" }, "Frame"));
+  lowest.node.append(drawn("text", { x: lowest.width / 2, y: lowest.height - 3, "text-anchor": "middle" }, "Frame"));
   const cursor = new Cursor(charts, frames, tracks);
   if (view.state.frame) cursor.go(Number(view.state.frame) - 1);
   return element("div", {
@@ -34,7 +34,7 @@ function drawSeries(drawing, tracks, frames, key) {
 }
 
 function overlapChart(tracks, frames, x) {
-  const drawing = chart({ ...SIZE, className: "series", label: "Overlap over time", x,
+  const drawing = chart({ ...SIZE, width: wideChart(), className: "series", label: "Overlap over time", x,
     y: { from: 0, to: 1, ticks: [0, 0.25, 0.5, 0.75, 1], title: "Overlap" } });
   drawSeries(drawing, tracks, frames, "overlap");
   tracks.forEach(({ run, losses }) => {
@@ -50,7 +50,7 @@ function errorChart(tracks, frames, x) {
   let highest = 50;
   for (const { error } of tracks) for (const value of error) if (value > highest) highest = value;
   const to = ERRORS.find((value) => value >= highest) || 10000;
-  const drawing = chart({ ...SIZE, className: "series", label: "Centre location error over time", x,
+  const drawing = chart({ ...SIZE, width: wideChart(), className: "series", label: "Centre location error over time", x,
     y: { log: true, from: 1, to, ticks: ERRORS.filter((value) => value <= to), title: "Centre error (px)" } });
   const { node, xs, ys, width, right } = drawing;
   drawSeries(drawing, tracks, frames, "error");
@@ -64,7 +64,8 @@ function lightCharts(light, x) {
     const known = curve.values.filter(isKnown);
     const [low, high] = known.length ? [Math.min(...known), Math.max(...known)] : [0, 1];
     const pad = (high - low || Math.abs(high) || 1) * 0.08;
-    const drawing = chart({ ...SIZE, height: 140, className: "series", label: `${curve.title} over time`, x,
+    const drawing = chart({ ...SIZE, width: wideChart(), height: 140, className: "series",
+      label: `${curve.title} over time`, x,
       y: { from: low - pad, to: high + pad, ticks: ticks(low - pad, high + pad, 3), title: curve.unit } });
     const d = pathOf(drawing.xs, drawing.ys, curve.frames, curve.values);
     drawing.node.append(drawn("path", { class: "curve neutral", d }));
