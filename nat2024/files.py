@@ -10,7 +10,7 @@ from pathlib import Path
 
 from nat2024.errors import Unwritable
 
-_TEMPORARY = re.compile(r"\..*\.(?P<host>[^.]*)-(?P<process>\d+)-[0-9a-f]+\.tmp")
+_TEMPORARY = re.compile(r"\..*\.(?P<host>[^.]*)-(?P<process>\d+)-[0-9a-f]+\.tmp(?:\.[a-z0-9]+)?")
 
 
 def write_atomic(path: str | os.PathLike[str], data: str | bytes) -> None:
@@ -24,8 +24,7 @@ def write_atomic(path: str | os.PathLike[str], data: str | bytes) -> None:
     """
     path = Path(path)
     raw = data.encode() if isinstance(data, str) else data
-    owner = f"{_host()}-{os.getpid()}-{secrets.token_hex(4)}"
-    temporary = path.with_name(f".{path.name[:40]}.{owner}.tmp")
+    temporary = temporary_beside(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with temporary.open("xb") as file:
@@ -40,6 +39,17 @@ def write_atomic(path: str | os.PathLike[str], data: str | bytes) -> None:
     except BaseException:
         _forget(temporary)
         raise
+
+
+def temporary_beside(path: Path, ending: str = "") -> Path:
+    """A new hidden name beside `path` that `remove_leftovers` knows as this process's.
+
+    Args:
+        path: what it is to become.
+        ending: such as ".webm", for writers that tell the format by it.
+    """
+    owner = f"{_host()}-{os.getpid()}-{secrets.token_hex(4)}"
+    return path.with_name(f".{path.name[:40]}.{owner}.tmp{ending}")
 
 
 def check_writable(path: str | os.PathLike[str]) -> None:
@@ -72,7 +82,7 @@ def expand(path: str | os.PathLike[str]) -> Path:
 
 def remove_leftovers(folder: str | os.PathLike[str]) -> None:
     """Remove what killed processes of this machine have begun to write directly in `folder`."""
-    for temporary in Path(folder).glob(".*.tmp"):
+    for temporary in Path(folder).glob(".*.tmp*"):
         match = _TEMPORARY.fullmatch(temporary.name)
         if match and match["host"] == _host() and not _is_alive(int(match["process"])):
             temporary.unlink(missing_ok=True)

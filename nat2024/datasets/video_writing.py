@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from nat2024.errors import Unwritable
+from nat2024.files import remove_leftovers, temporary_beside
 from nat2024.types import Image
 
 if TYPE_CHECKING:
@@ -14,7 +15,6 @@ if TYPE_CHECKING:
 
 VIDEO_ENDING = ".webm"
 _CODEC = "VP80"
-_BEGUN = ".part" + VIDEO_ENDING  # FFmpeg tells the container by the ending
 
 
 def can_be_video(width: int, height: int) -> bool:
@@ -34,11 +34,11 @@ class VideoFile:
             rate: frames a second.
         """
         self._path, self._size, self._rate = path, size, rate
-        self._begun = path.with_name(f".{path.stem}.{os.getpid()}{_BEGUN}")
+        self._begun = temporary_beside(path, VIDEO_ENDING)  # FFmpeg goes by the ending
         self._writer: cv2.VideoWriter | None = None
 
     def __enter__(self) -> "VideoFile":
-        """Begin; what a killed process has left of the same video is removed.
+        """Begin; what killed processes have left beside it is removed.
 
         Raises:
             Unwritable: the file system refuses, or this OpenCV has no such codec.
@@ -47,8 +47,7 @@ class VideoFile:
 
         try:
             self._path.parent.mkdir(parents=True, exist_ok=True)
-            for left in self._path.parent.glob(f".{_escape(self._path.stem)}.*{_BEGUN}"):
-                left.unlink(missing_ok=True)
+            remove_leftovers(self._path.parent)
         except OSError as error:
             msg = f"{self._path}: cannot be written ({error.strerror or error})"
             raise Unwritable(msg) from None
@@ -78,12 +77,6 @@ class VideoFile:
                 raise Unwritable(msg) from None
         else:
             self._begun.unlink(missing_ok=True)
-
-
-def _escape(name: str) -> str:
-    import glob
-
-    return glob.escape(name)
 
 
 @contextlib.contextmanager

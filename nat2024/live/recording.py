@@ -10,6 +10,7 @@ import numpy as np
 
 from nat2024.boxes import format_boxes
 from nat2024.errors import Unwritable
+from nat2024.files import remove_leftovers
 from nat2024.live.following import LiveFrame
 from nat2024.metrics import center_error
 from nat2024.types import Boxes, Floats
@@ -34,6 +35,7 @@ class Recorder:
     def __enter__(self) -> "Recorder":
         try:
             self._folder.mkdir(parents=True, exist_ok=True)
+            remove_leftovers(self._folder)  # such as the video of a run that was killed
             names = (self._folder / BOX_FILE, self._folder / FRAME_FILE)
             self._files = tuple(path.open("w", encoding="ascii", newline="") for path in names)
         except OSError as error:

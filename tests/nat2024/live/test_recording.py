@@ -1,5 +1,8 @@
 """What is kept of a run, and what it comes to."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -78,3 +81,23 @@ def test_a_film_without_frames_is_none(tmp_path):
     with Film(tmp_path / "film.webm", 10.0):
         pass
     assert not list(tmp_path.iterdir())
+
+
+def test_the_video_of_a_killed_run_goes_away_and_no_other(tmp_path):
+    begin = (
+        "import os, sys; from pathlib import Path; import numpy as np\n"
+        "from nat2024.live import Film\n"
+        "film = Film(Path(sys.argv[1]) / 'overlay.webm', 10).__enter__()\n"
+        "film.write(np.zeros((32, 32, 3), np.uint8))\n"
+        "print(flush=True); sys.stdin.read(); os._exit(9)"
+    )
+    command = [sys.executable, "-c", begin, str(tmp_path)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+        assert process.stdout.readline() == b"\n"
+        [begun] = tmp_path.iterdir()
+        assert begun.name.startswith(".overlay.webm.")
+        with Recorder(tmp_path):
+            assert begun.exists()  # its process is alive
+        process.kill()
+    with Recorder(tmp_path):
+        assert not begun.exists()
