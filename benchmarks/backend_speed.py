@@ -4,10 +4,12 @@
         [--repeats 15] [--seconds 60] [--limit 600] [--memory] [--json] [--update docs/backends.md]
 
 An enhancer is measured on one dark frame of the size after its `@`; a tracker on the maps of one
-search crop, template features kept. All sides get the same fresh weights and the same noise and
-take turns in one process; times are medians. "Away" is the largest difference from the plain form
-in shares of its largest output (of 1 for images). With `--memory` the megabytes (10^6) that a
-first frame adds to the peak of a fresh process are told too, the loading of the runtime included.
+search crop, template features kept; TRACKER+ENHANCER@WxH on whole updates with frames of that size,
+cropping, enhancing the search crop, the network and decoding together. All sides get the same fresh
+weights and the same noise and take turns in one process; times are medians. "Away" is the largest
+difference from the plain form in shares of its largest output (of 1 for images, of the box for
+updates). With `--memory` the megabytes (10^6) that a first frame adds to the peak of a fresh process
+are told too, the loading of the runtime included.
 """
 
 import argparse
@@ -36,7 +38,7 @@ OURS = {
 DEFAULT = (
     "ldenhancer@287x287,ldenhancer@1920x1080,darklighter@287x287,highlightnet@287x287,"
     "sct@287x287,dcepp@287x287,ruas@287x287,llve@287x287,enlightengan@287x287,"
-    "siamrpnpp,siamapn,siamapnpp,hift,lpat,nanotrack"
+    "siamrpnpp,siamapn,siamapnpp,hift,lpat,nanotrack,siamrpnpp+ldenhancer@960x540"
 )
 HEADER = """\
 | network | threads | plain, ms | torch | onnxruntime | openvino | openvino bfloat16 | \
@@ -81,14 +83,21 @@ def sides_of(network: str, threads: int, only: str = "") -> dict[str, Callable[[
 
     torch.set_num_threads(threads)
     name, _, size = network.partition("@")
-    make = _enhancer_call if size else _tracker_call
-    torch.manual_seed(0)
-    peer = importlib.import_module(f"peers.{name}").build()
+    make = _update_call if "+" in name else _enhancer_call if size else _tracker_call
+    peer = None if "+" in name else plain_form(name)
     sides = {"peer": lambda: make(name, size, peer, None)}
     for side, (backend, precision) in OURS.items():
         options = {"backend": backend, "precision": precision}
         sides[side] = lambda options=options: make(name, size, None, options)
     return {side: made() for side, made in sides.items() if only in ("", side)}
+
+
+def plain_form(name: str) -> Any:
+    """The network of `peers/`, with the fresh weights that all sides get."""
+    import torch
+
+    torch.manual_seed(0)
+    return importlib.import_module(f"peers.{name}").build()
 
 
 def _noise(*shape: int) -> Any:
@@ -128,6 +137,68 @@ def _tracker_call(
     with torch.no_grad():
         features = network.embed(template)
     return lambda: network.match(features, search)
+
+
+@dataclass(frozen=True)
+class _PlainEnhancer:
+    """A plain network as trackers ask for an enhancer."""
+
+    network: Callable[[Any], Any]
+
+    def enhance_batch(self, batch: Any, /) -> Any:
+        """The network's own size rule holds: crops are padded to 16 and cut back."""
+        import torch.nn.functional as F
+
+        height, width = batch.shape[-2:]
+        padded = F.pad(batch, (0, -width % 16, 0, -height % 16), mode="reflect")
+        return self.network(padded)[..., :height, :width].clamp(0, 1)
+
+
+@dataclass(frozen=True)
+class _PlainNetwork:
+    """A plain network as the loop of trackers asks for it."""
+
+    network: Any
+
+    def embed(self, template: Any) -> tuple[Any, ...]:
+        """What the plain network keeps of a template, as a tuple."""
+        return _as_tuple(self.network.embed(template))
+
+    def match(self, features: tuple[Any, ...], search: Any) -> tuple[Any, ...]:
+        """Its maps of a search crop."""
+        found: tuple[Any, ...] = self.network.match(
+            features[0] if len(features) == 1 else features, search
+        )
+        return found
+
+
+def _update_call(
+    name: str, size: str, _peer: Any, options: dict[str, str] | None
+) -> Callable[[], Any]:
+    import torch
+
+    from nat2024 import create_enhancer, create_tracker
+
+    tracker_name, _, enhancer_name = name.partition("+")
+    width, height = map(int, size.split("x"))
+    frame = (60 * _noise(height, width, 3)).byte().numpy()
+    if options is None:
+        enhancer: Any = _PlainEnhancer(plain_form(enhancer_name))
+        tracker = create_tracker(tracker_name, weights=False, enhancer=enhancer)
+        tracker.model = _PlainNetwork(plain_form(tracker_name))
+    else:
+        torch.manual_seed(0)
+        enhancer = create_enhancer(enhancer_name, weights=False, **options)
+        torch.manual_seed(0)
+        tracker = create_tracker(tracker_name, weights=False, enhancer=enhancer, **options)
+    tracker.init(frame, (width / 2, height / 2, 60, 40))
+    start = tracker.target
+
+    def update() -> Any:
+        tracker.target = start  # every update looks at the same crop
+        return torch.from_numpy(tracker.update(frame)[0])
+
+    return update
 
 
 def installed() -> list[str]:
