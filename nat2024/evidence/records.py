@@ -146,7 +146,10 @@ class Evidence:
 
     def __getitem__(self, name: str) -> SequenceEvidence:
         """The evidence of a sequence; `KeyError` where there is none."""
-        return next(s for s in self.sequences if s.name == name) if name in self else _no(name)
+        for sequence in self.sequences:
+            if sequence.name == name:
+                return sequence
+        raise KeyError(name)
 
     def __contains__(self, name: object) -> bool:
         """Whether there is evidence of a sequence of that name."""
@@ -193,10 +196,6 @@ LIGHT_COLUMNS = (
     "target_luminance",
     "target_unevenness",
 )
-
-
-def _no(name: str) -> SequenceEvidence:
-    raise KeyError(name)
 
 
 def _failure_row(sequence: str, track: TrackEvidence) -> dict[str, Any]:

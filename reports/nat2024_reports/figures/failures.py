@@ -234,7 +234,10 @@ def _draw_light(grey: "Axes", spread: "Axes", light: "pd.DataFrame") -> None:
         for column, color, name in zip(
             columns, (BLUE, ORANGE), ("frame", "around the target"), strict=True
         ):
-            axes.plot(light.frame, light[column], color=color, linewidth=1, label=name)
+            # with points, for a line shows none of the target's where only key frames have truth
+            axes.plot(
+                light.frame, light[column], ".-", ms=2.2, color=color, linewidth=1, label=name
+            )
         axes.set_ylabel(label, fontsize=7)
         axes.set_ylim(bottom=0)
         axes.grid(axis="y")
