@@ -8,8 +8,8 @@ search crop, template features kept; TRACKER+ENHANCER@WxH on whole updates with 
 cropping, enhancing the search crop, the network and decoding together. All sides get the same fresh
 weights and the same noise and take turns in one process; times are medians. "Away" is the largest
 difference from the plain form in shares of its largest output (of 1 for images, of the box for
-updates). With `--memory` the megabytes (10^6) that a first frame adds to the peak of a fresh process
-are told too, the loading of the runtime included.
+updates). With `--memory` the megabytes (10^6) that a first frame adds to the peak of a fresh
+process are told too, the loading of the runtime included.
 """
 
 import argparse
