@@ -56,16 +56,24 @@ def read_boxes(path: str | os.PathLike[str]) -> Boxes:
         BoxFileError: the file is absent, empty, no text, or a row cannot be read; names file
             and line.
     """
+    return parse_boxes(read_text(path), source=str(path))
+
+
+def read_text(path: str | os.PathLike[str]) -> bytes:
+    """The bytes of a text file of boxes.
+
+    Raises:
+        BoxFileError: the file is absent or cannot be read.
+    """
     path = Path(path)
     try:
-        raw = path.read_bytes()
+        return path.read_bytes()
     except FileNotFoundError:
         msg = f"{path}: no such file of boxes"
         raise BoxFileError(msg) from None
     except OSError as error:
         msg = f"{path}: cannot be read ({error.strerror})"
         raise BoxFileError(msg) from None
-    return parse_boxes(raw, source=str(path))
 
 
 def parse_boxes(text: str | bytes, source: str = "<text>") -> Boxes:

@@ -13,11 +13,12 @@ from nat2024.errors import Unwritable
 _TEMPORARY = re.compile(r"\..*\.(?P<host>[^.]*)-(?P<process>\d+)-[0-9a-f]+\.tmp(?:\.[a-z0-9]+)?")
 
 
-def write_atomic(path: str | os.PathLike[str], data: str | bytes) -> None:
+def write_atomic(path: str | os.PathLike[str], data: str | bytes, *, durable: bool = True) -> None:
     """Write `data` (text as UTF-8, newlines as given) so that readers see all of it or nothing.
 
     The folder is made where absent. A process killed at any moment leaves the old file, or none;
-    what it had begun is removed by `remove_leftovers`.
+    what it had begun is removed by `remove_leftovers`. Unless `durable`, a machine that loses its
+    power may leave a damaged file.
 
     Raises:
         Unwritable: the file system refuses; says why.
@@ -29,8 +30,9 @@ def write_atomic(path: str | os.PathLike[str], data: str | bytes) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         with temporary.open("xb") as file:
             file.write(raw)
-            file.flush()
-            os.fsync(file.fileno())
+            if durable:
+                file.flush()
+                os.fsync(file.fileno())
         temporary.replace(path)
     except OSError as error:
         _forget(temporary)

@@ -3,7 +3,6 @@
 import contextlib
 import hashlib
 import inspect
-import os
 import tempfile
 import warnings
 from collections.abc import Callable, Iterator, Sequence
@@ -14,6 +13,7 @@ import torch
 from torch import Tensor, nn
 
 from nat2024.files import write_atomic
+from nat2024.keeping import cache_folder
 
 OPSET = 17
 _PLAIN = torch.contiguous_format
@@ -31,17 +31,6 @@ class _Part(nn.Module):
     def forward(self, *inputs: Tensor) -> Any:
         """What the function gives."""
         return self.run(*inputs)
-
-
-def cache_folder() -> Path:
-    """Where exported networks are kept: `NAT2024_CACHE`, else the user's cache folder.
-
-    Everything in it can be made again, and may be deleted at any time.
-    """
-    import platformdirs
-
-    chosen = os.environ.get("NAT2024_CACHE")
-    return Path(chosen) if chosen else Path(platformdirs.user_cache_dir("nat-bench"))
 
 
 def exported_file(

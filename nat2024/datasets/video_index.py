@@ -3,14 +3,15 @@
 import contextlib
 import hashlib
 import itertools
-import os
 import time
 from collections.abc import Callable
 from pathlib import Path
 
 import msgspec
 
+from nat2024.errors import Unwritable
 from nat2024.files import write_atomic
+from nat2024.keeping import cache_folder
 
 _FORMAT = 1
 _WORTH_STORING_S = 0.5
@@ -57,16 +58,6 @@ def kept_index(path: Path, make: Callable[[Path], VideoIndex]) -> VideoIndex:
     start = time.perf_counter()
     index = make(path)
     if time.perf_counter() - start > _WORTH_STORING_S:
-        with contextlib.suppress(OSError):  # a cache that cannot be written costs time only
+        with contextlib.suppress(Unwritable):  # a cache that cannot be written costs time only
             write_atomic(file, msgspec.json.encode(index))
     return index
-
-
-def cache_folder() -> Path:
-    """NAT2024_CACHE, else the user's cache folder."""
-    given = os.environ.get("NAT2024_CACHE")
-    if given:
-        return Path(given).expanduser()
-    import platformdirs
-
-    return platformdirs.user_cache_path("nat-bench")

@@ -11,7 +11,7 @@ from nat2024.errors import BoxFileError, FrameUnreadable
 from nat2024.evaluation import Evaluation, RunScores
 from nat2024.evaluation.gains import paired_runs
 from nat2024.evidence.enhancers import RunEnhancer
-from nat2024.evidence.keeping import Keeper
+from nat2024.evidence.keeping import open_keeper
 from nat2024.evidence.looking import Looker
 from nat2024.evidence.records import Evidence, SequenceEvidence, Thumbnail, TrackEvidence
 from nat2024.metrics import center_error, overlap
@@ -131,8 +131,8 @@ def _track(job: _Job, run: RunScores, sequence: Sequence, truth: Boxes) -> Track
     rows = len(truth)
     boxes = np.full((rows, 4), np.nan)  # a result that is too short found nothing in the rest
     boxes[: min(rows, len(given))] = given[:rows]
-    if len(run.sequences[sequence.name].overlap) < rows and sequence.keyframes is None:
-        rows = len(run.sequences[sequence.name].overlap)  # the protocol cut both
+    if run.sequences[sequence.name].rows < rows and sequence.keyframes is None:
+        rows = run.sequences[sequence.name].rows  # the protocol cut both
     frames = np.arange(rows) if sequence.keyframes is None else sequence.keyframes
     boxes, target = boxes[frames], truth[frames]
     usable = np.isfinite(boxes).all(axis=1)
@@ -149,7 +149,7 @@ def _with_frames(job: _Job, sequence: Sequence, found: SequenceEvidence) -> Sequ
     def unreadable(error: FrameUnreadable) -> None:
         job.unreadable.setdefault(sequence.name, set()).add(str(error))
 
-    keeper = Keeper(job.folder if job.store else None, sequence.name)
+    keeper = open_keeper(job.folder if job.store else None, sequence.name)
     looker = Looker(sequence, found.truth, keeper, job.on_frame, unreadable)
     light: LightTrace | None = None
     if looker.has_images():

@@ -9,8 +9,9 @@ import numpy as np
 from nat2024.analysis import LightTrace, Moment, trace_light
 from nat2024.errors import FrameUnreadable
 from nat2024.evidence.enhancers import RunEnhancer
-from nat2024.evidence.keeping import Keeper, digest, frame_identity
+from nat2024.evidence.keeping import digest, frame_identity
 from nat2024.evidence.records import Corners, LossEvidence, Thumbnail, TrackEvidence
+from nat2024.keeping import Keeper
 from nat2024.measures import local_grey, target_light_spread
 from nat2024.types import Box, Boxes, Floats, Image
 from nat2024.types import Sequence as FrameSequence

@@ -41,7 +41,13 @@ from nat2024.metrics.protocols import (
     list_protocols,
 )
 from nat2024.metrics.repeats import average_repeats
-from nat2024.metrics.sequences import SCORE_NAMES, Scores, SequenceScores, evaluate_boxes
+from nat2024.metrics.sequences import (
+    SCORE_NAMES,
+    FrameValues,
+    Scores,
+    SequenceScores,
+    evaluate_boxes,
+)
 
 __all__ = [
     "FEWEST_SEQUENCES",
@@ -51,6 +57,7 @@ __all__ = [
     "SCORE_NAMES",
     "SUCCESS_THRESHOLDS",
     "DatasetScores",
+    "FrameValues",
     "LengthRule",
     "PairedGains",
     "Protocol",

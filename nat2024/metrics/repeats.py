@@ -1,17 +1,17 @@
 """Scores of repeated runs of one tracker on one sequence, as one."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from nat2024.errors import ArrayContract
-from nat2024.metrics.sequences import SCORE_NAMES, SequenceScores
+from nat2024.metrics.sequences import SCORE_NAMES, FrameSource, FrameValues, SequenceScores
 from nat2024.types import Floats
 
 _CURVES = ("success_curve", "precision_curve", "normalized_precision_curve")
-_BY_FRAME = ("overlap", "center_error", "normalized_center_error")
 
 
 def average_repeats(repeats: Sequence[SequenceScores]) -> SequenceScores:
@@ -32,12 +32,22 @@ def average_repeats(repeats: Sequence[SequenceScores]) -> SequenceScores:
     first = repeats[0]
     if len(repeats) == 1:
         return first
+    sources = tuple(one.by_frame for one in repeats)
+    later = partial(_average_frames, sources)
+    at_hand = all(isinstance(source, FrameValues) for source in sources)
     means: dict[str, Any] = {
         **{name: float(np.mean([getattr(one, name) for one in repeats])) for name in SCORE_NAMES},
         **{name: np.mean([getattr(one, name) for one in repeats], axis=0) for name in _CURVES},
-        **{name: _by_frame([getattr(one, name) for one in repeats]) for name in _BY_FRAME},
+        "by_frame": later() if at_hand else later,
     }
     return replace(first, **means, bad_results=sum(one.bad_results for one in repeats))
+
+
+def _average_frames(sources: tuple[FrameSource, ...]) -> FrameValues:
+    values = [one if isinstance(one, FrameValues) else one() for one in sources]
+    return FrameValues(
+        *(_by_frame([getattr(one, f.name) for one in values]) for f in fields(FrameValues))
+    )
 
 
 def _by_frame(values: list[Floats]) -> Floats:

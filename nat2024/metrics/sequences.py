@@ -1,7 +1,8 @@
 """Scores of one result on one sequence."""
 
-from dataclasses import dataclass, fields
-from typing import Any, Final
+from collections.abc import Callable
+from dataclasses import dataclass, field, fields
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -72,10 +73,28 @@ class Scores:
         return {name: getattr(self, name) for name in SCORE_NAMES}
 
 
-SCORE_NAMES: Final[tuple[str, ...]] = tuple(
-    field.name for field in fields(Scores) if field.type is float
-)
+SCORE_NAMES: Final[tuple[str, ...]] = tuple(one.name for one in fields(Scores) if one.type is float)
 """Names of the scalar scores."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FrameValues:
+    """What was measured of one result, one value a scored row.
+
+    Attributes:
+        overlap: float64; NaN where the protocol compares none (no target, or left out) and where
+            the result is not a number.
+        center_error: pixels, in the same way.
+        normalized_center_error: in the same way.
+    """
+
+    overlap: Floats
+    center_error: Floats
+    normalized_center_error: Floats
+
+
+FrameSource: TypeAlias = FrameValues | Callable[[], FrameValues]
+"""The values of the frames, or what computes them once they are asked for."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -84,10 +103,9 @@ class SequenceScores(Scores):
 
     Attributes:
         name: of the sequence, where given.
-        overlap: float64, one a scored row; NaN where the protocol compares none (no target, or
-            left out) and where the result is not a number.
-        center_error: pixels, in the same way.
-        normalized_center_error: in the same way.
+        by_frame: the values of the frames; scores of stored results compute them again from the
+            file each time they are asked for, so that many runs need little memory.
+        rows: scored rows.
         length_predicted: rows of the result as given.
         length_truth: rows of the ground truth as given.
         invalid_truth: rows of ground truth that are not four finite numbers with w, h > 0.
@@ -96,13 +114,35 @@ class SequenceScores(Scores):
     """
 
     name: str
-    overlap: Floats
-    center_error: Floats
-    normalized_center_error: Floats
+    by_frame: FrameSource = field(repr=False)
+    rows: int
     length_predicted: int
     length_truth: int
     invalid_truth: int
     bad_results: int
+
+    def frame_values(self) -> FrameValues:
+        """Overlap and errors of each scored row.
+
+        Raises:
+            BoxFileError: they are those of a file that can no longer be read, or has changed.
+        """
+        return self.by_frame if isinstance(self.by_frame, FrameValues) else self.by_frame()
+
+    @property
+    def overlap(self) -> Floats:
+        """Overlap of each scored row; see `frame_values`."""
+        return self.frame_values().overlap
+
+    @property
+    def center_error(self) -> Floats:
+        """Centre error of each scored row in pixels; see `frame_values`."""
+        return self.frame_values().center_error
+
+    @property
+    def normalized_center_error(self) -> Floats:
+        """Normalised centre error of each scored row; see `frame_values`."""
+        return self.frame_values().normalized_center_error
 
 
 def evaluate_boxes(
@@ -182,9 +222,12 @@ def _evaluate(
         name=name,
         protocol=protocol,
         frames=measured.frames,
-        overlap=measured.overlap,
-        center_error=_reported(measured.error, rows),
-        normalized_center_error=_reported(measured.normalized, rows),
+        by_frame=FrameValues(
+            measured.overlap,
+            _reported(measured.error, rows),
+            _reported(measured.normalized, rows),
+        ),
+        rows=rows,
         **lengths_and_counts,
         **_success_scores(measured, protocol),
         **_precision_scores(measured, protocol),

@@ -8,8 +8,8 @@ import torch
 from torch import Tensor, nn
 
 from nat2024.backends import BACKENDS, CompiledPart, Part, backends_of, is_installed, parts
-from nat2024.backends.exporting import cache_folder
 from nat2024.errors import BackendMismatch, UsageError
+from nat2024.keeping import cache_folder
 
 RUNTIMES = [name for name in ("onnxruntime", "openvino") if is_installed(name, "cpu")]
 

@@ -14,8 +14,8 @@ import pytest
 from nat2024.datasets import load_dataset, read_reduced, validate
 from nat2024.datasets import video as video_module
 from nat2024.datasets.video import VideoFrames
-from nat2024.datasets.video_index import cache_folder
 from nat2024.errors import DatasetIncomplete, FrameUnreadable
+from nat2024.keeping import cache_folder
 
 COUNT = 70
 KINDS = {"a.webm": "VP90", "a.avi": "MJPG", "a.mp4": "mp4v", "a.mkv": "VP90", "a.mov": "mp4v"}
