@@ -12,10 +12,10 @@ import threading
 import time
 from collections import Counter, deque
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
-from nat2024.engine.plan import describe, untouched_options
+from nat2024.engine.plan import PluginSpec, describe, untouched_options
 from nat2024.engine.reporting import Throttled
 from nat2024.engine.units import Job, Outcome, Progress, Trackers, Unit, run_unit
 from nat2024.engine.workers import (
@@ -26,6 +26,7 @@ from nat2024.engine.workers import (
     sort_out,
 )
 from nat2024.errors import ClusterFailed, FrameUnreadable, NatBenchError, UsageError
+from nat2024.files import expand
 from nat2024.store import Manifest, setting_differences
 from nat2024.types import Sequence
 
@@ -77,7 +78,32 @@ def run_on_cluster(
     with contextlib.ExitStack() as stack:
         client = cluster if not isinstance(cluster, str) else _connect(cluster, workers, stack)
         log.info("cluster %s, dashboard %s", client.scheduler.address, client.dashboard_link)
+        plugins = tuple(map(_absolute, setting.plugins))
+        setting, units = replace(setting, plugins=plugins), map(_located, units)
         yield from _Campaign(client, units, expected, setting, progress).work()
+
+
+def _located(unit: Unit) -> Unit:
+    """The same from any working folder: files of weights by their absolute paths."""
+    combinations = tuple(
+        replace(
+            one,
+            tracker=_with_absolute_weights(one.tracker),
+            enhancer=one.enhancer and _with_absolute_weights(one.enhancer),
+        )
+        for one in unit.combinations
+    )
+    return replace(unit, combinations=combinations)
+
+
+def _with_absolute_weights(spec: PluginSpec) -> PluginSpec:
+    return replace(spec, weights=_absolute(spec.weights)) if spec.weights else spec
+
+
+def _absolute(path: str) -> str:
+    """An absolute path of what is here; anything else, such as the name of a module, as it is."""
+    here = expand(path)
+    return str(here.absolute()) if here.exists() else path
 
 
 def _untyped(module: object) -> Any:

@@ -125,7 +125,10 @@ def command(
         backend=backend,
         precision=precision,
     )
-    chosen = _load(shared.choose_dataset(dataset), root, sequences, lenient)
+    source = shared.choose_dataset(dataset)
+    if cluster is not None:  # workers may run in other folders
+        source, root = _absolute(source), root and root.absolute()
+    chosen = _load(source, root, sequences, lenient)
     if part is not None:
         chosen = _part(chosen, part)
     with ProgressBar(len(combinations) * sum(map(len, chosen))) as progress:
@@ -155,6 +158,14 @@ def _load(source: str, root: Path | None, sequences: str | None, lenient: bool) 
         return load_dataset(source, root, lenient=lenient)
     names = [name.strip() for name in sequences.split(",") if name.strip()]
     return load_dataset(source, root, unannotated=True, lenient=lenient).select(names)
+
+
+def _absolute(source: str) -> str:
+    from nat2024.datasets import list_datasets
+    from nat2024.files import expand
+
+    folder = expand(source)
+    return str(folder.absolute()) if source not in list_datasets() and folder.exists() else source
 
 
 def _part(dataset: "Dataset", text: str) -> "Dataset":

@@ -17,6 +17,7 @@ import msgspec
 import pytest
 
 import nat2024
+from nat2024.cli import run as nat_bench
 from nat2024.engine import cluster as dask_cluster
 from nat2024.engine import combine, run_benchmark
 from nat2024.engine.lockstep import Reading
@@ -122,6 +123,40 @@ def test_clusters_that_there_are_not(
         run_benchmark(combinations, dataset, tmp_path, cluster="moon")
     with pytest.raises(UsageError, match=r"jobqueue\.yaml"):
         run_benchmark(combinations, dataset, tmp_path, cluster="slurm")
+
+
+PLUGIN = """
+from nat2024 import Tracker, register_tracker
+from nat2024.cards import Card
+
+@register_tracker("fixed")
+class Fixed(Tracker):
+    card = Card(title="Fixed", summary="")
+
+    def start(self, image, box):
+        self.box = box
+        return box
+
+    def advance(self, image):
+        return self.box, 0.0
+"""
+
+
+def test_the_command_line_with_relative_paths(
+    client: Any,
+    night_clip: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    shutil.copytree(night_clip, tmp_path / "clip")
+    (tmp_path / "fixed.py").write_text(PLUGIN)
+    monkeypatch.chdir(tmp_path)
+    words = ["run", "--tracker", "fixed", "--plugin", "fixed.py", "--device", "cpu"]
+    words += ["--dataset", "clip", "--cluster", client.scheduler.address]
+    assert nat_bench(words) == 0
+    assert f"cluster {client.scheduler.address}, dashboard" in capsys.readouterr().err
+    assert len(box_files(tmp_path / "results")) == 3
 
 
 def test_a_sequence_that_takes_workers_down_fails_alone(
