@@ -276,6 +276,7 @@ exit 0
 """
 
 
+@pytest.mark.slow
 def test_slurm(
     night_clip: Path, tmp_path: Path, small_plugins: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -41,7 +41,10 @@ class Sleepy(Tracker):
 '''
 
 
-def test_who_hangs_is_ended_and_the_others_go_on(night_clip: Path, tmp_path: Path) -> None:
+def test_who_hangs_is_ended_and_the_others_go_on(
+    night_clip: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(crew, "_GRACE_SECONDS", 0.2)
     plugin = tmp_path / "sleepy.py"
     plugin.write_text(SLEEPY)
     nat2024.registry.load_plugin_file(str(plugin))
@@ -70,7 +73,7 @@ def test_workers_that_cannot_load_a_plugin_say_so(night_clip: Path, tmp_path: Pa
     dataset = nat2024.load_dataset(night_clip)
     with pytest.raises(NatBenchError, match=r"broken\.py cannot be loaded: ValueError: not today"):
         run_benchmark(
-            combine(["still"], ["none"]), dataset, tmp_path, workers=2, plugins=(str(broken),)
+            combine(["still"], ["none"]), dataset, tmp_path, timeout=9, plugins=(str(broken),)
         )
     with pytest.raises(BrokenPlugin):
         nat2024.registry.load_plugin_file(str(broken))
