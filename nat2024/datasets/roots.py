@@ -86,7 +86,7 @@ def read_configuration() -> Configuration:
     except OSError as error:
         msg = f"{path}: cannot be read ({error.strerror})"
         raise UsageError(msg) from None
-    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:  # of no UTF-8 and endless nesting too
         msg = f"{path}: {error}"
         raise UsageError(msg) from None
     for name in configuration.roots:

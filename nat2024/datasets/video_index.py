@@ -53,7 +53,7 @@ def kept_index(path: Path, make: Callable[[Path], VideoIndex]) -> VideoIndex:
     file = cache_folder() / "videos" / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}.json"
     try:
         return msgspec.json.decode(file.read_bytes(), type=VideoIndex)
-    except (OSError, msgspec.MsgspecError):
+    except (OSError, ValueError, RecursionError):  # a damaged one is as none
         pass
     start = time.perf_counter()
     index = make(path)

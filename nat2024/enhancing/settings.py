@@ -85,7 +85,7 @@ def _read(path: Path) -> EnhancementRecord | None:
     except OSError as error:
         msg = f"{path}: cannot be read ({error.strerror or error})"
         raise ResultConflict(msg) from None
-    except msgspec.MsgspecError as error:
+    except (ValueError, RecursionError) as error:  # no UTF-8 and endless nesting too
         msg = f"{path}: no record of this version ({error}); choose another --out folder"
         raise ResultConflict(msg) from None
 

@@ -68,7 +68,7 @@ def find(folder: Folder) -> list[ForeignRun]:
     path = folder.path / MANIFEST
     try:
         manifest = msgspec.json.decode(read_file(path), type=BundleManifest)
-    except msgspec.MsgspecError as error:
+    except (ValueError, RecursionError) as error:  # no UTF-8 and endless nesting too
         msg = f"{path}: no manifest of a bundle ({error})"
         raise BoxFileError(msg) from None
     if manifest.format != FORMAT:

@@ -165,7 +165,7 @@ class RunFolder:
     def seconds(self, sequence: str) -> Floats:
         """Stored seconds of `STAGES`, float64 (n, 3)."""
         path = self.time_file(sequence)
-        _, _, body = path.read_text().partition("\n")
+        _, _, body = path.read_bytes().partition(b"\n")
         return parse_rows(body, str(path), (len(STAGES),))
 
     def write(self, sequence: str, track: Track) -> None:
@@ -234,7 +234,7 @@ class RunFolder:
         except OSError as error:
             msg = f"{path}: cannot be read ({error.strerror or error})"
             raise ResultConflict(msg) from None
-        except msgspec.MsgspecError as error:
+        except (ValueError, RecursionError) as error:  # no UTF-8 and endless nesting too
             msg = f"{path}: not a manifest of this version ({error}); move the folder away"
             raise ResultConflict(msg) from None
 
@@ -251,10 +251,10 @@ class RunFolder:
         skipped = self.skipped_frames()
         stored = {s: self.seconds(s) for s in self.finished() if self.time_file(s).is_file()}
         tables = [
-            np.delete(table, skipped.get(s, []), axis=0)
+            table[~np.isin(np.arange(len(table)), skipped.get(s, []))]
             for s, table in stored.items()
-            if len(table)
         ]
+        tables = [table for table in tables if len(table)]
         if not tables:
             return None
         steady = np.concatenate([table[1:] for table in tables])
@@ -274,7 +274,7 @@ class RunFolder:
 
 def _read_numbers(path: Path) -> list[int]:
     try:
-        return [int(line) for line in path.read_text().split()]
+        return [int(line) for line in path.read_bytes().decode("ascii").split()]
     except ValueError:
         msg = f"{path}: expected one frame number a line; move the file away"
         raise ResultConflict(msg) from None

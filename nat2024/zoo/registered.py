@@ -138,7 +138,7 @@ def read_record(path: Path) -> RegisteredWeights:
         record = msgspec.json.decode(path.read_bytes(), type=RegisteredWeights)
     except OSError as error:
         reason = error.strerror or str(error)
-    except (msgspec.MsgspecError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:  # no UTF-8 and endless nesting too
         reason = str(error)
     else:
         # whatever a record says, nothing outside its own folder is read or removed

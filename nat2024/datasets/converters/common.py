@@ -111,7 +111,7 @@ class _Format(msgspec.Struct):
 def _format_of(path: Path) -> str:
     try:
         return msgspec.json.decode(read_bytes(path), type=_Format).format
-    except msgspec.DecodeError as error:
+    except (ValueError, RecursionError) as error:  # no UTF-8 and endless nesting too
         msg = f"{path}: no valid JSON ({error})"
         raise AnnotationInvalid(msg) from None
 
