@@ -204,8 +204,8 @@ used and passed on. {one.about}
   `nat2024.night.training_images`; {len(made["held_out"])} more of photographs that were held out
   served for the measures below. Record `images.json`: sha256
   `{hashlib.sha256(record).hexdigest()}`. Nothing of `night_mini`, and no frame of a
-  benchmark, was trained on; only the wanted level (of dcepp the smoothness too) was set after a look
-  at how real night images come out beside the authors' weights.
+  benchmark, was trained on; only the wanted level (of dcepp the smoothness too) was set after a
+  look at how real night images come out beside the authors' weights.
 - **Recipe**: `nat-bench train {one.plugin} --preset {one.preset} {values}`; all of it again with
   `python scripts/train_bundled_enhancers.py PHOTOGRAPHS OUT --only {one.title}`.
 - **Seed**: {config["settings"]["seed"]}. **Code**: revision `{revision()}`, PyTorch
