@@ -66,7 +66,7 @@ class Keeper:
         try:
             raw = path.read_bytes() if path else b""
             self._entries = _checked_entries(raw)
-        except (OSError, msgspec.MsgspecError):
+        except (OSError, ValueError, RecursionError):  # no UTF-8 and endless nesting too
             self._entries = {}
 
     def get(self, key: str | None, kind: type[_Kind]) -> _Kind | None:
@@ -76,7 +76,7 @@ class Keeper:
             return None
         try:
             value = msgspec.msgpack.decode(raw, type=kind)
-        except msgspec.MsgspecError:
+        except (ValueError, RecursionError):
             return None
         self._used[key] = raw
         return value

@@ -156,8 +156,11 @@ def _photographs_in(folder: Path) -> list[Path]:
 def _check_record(path: Path, record: dict[str, Any]) -> None:
     if not path.is_file():
         return
-    before = json.loads(path.read_text(encoding="utf-8"))
-    if any(before.get(key) != value for key, value in record.items()):
+    try:
+        before = json.loads(path.read_bytes())
+    except (ValueError, RecursionError):  # no record of ours, so of other settings
+        before = None
+    if not isinstance(before, dict) or any(before.get(k) != v for k, v in record.items()):
         msg = f"{path.parent}: holds images of other photographs or settings; name another folder"
         raise UsageError(msg)
 
