@@ -7,6 +7,7 @@ that would unpack to absurd sizes make the whole archive refused.
 
 import errno
 import functools
+import io
 import stat
 import struct
 import zipfile
@@ -18,6 +19,10 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 from nat2024.errors import DatasetIncomplete, DatasetNotFound
 
 MAX_MEMBER_BYTES = 2**29
+MAX_CONTENTS_BYTES = 2**27
+"""Of a table of contents, which is held in memory: enough for a million frames."""
+_MAX_NAME = 1024  # bytes, and
+_MAX_DEPTH = 32  # folders: every one of them is remembered with its whole name
 _MAX_RATIO = 200
 _RATIO_COUNTS_FROM = 2**24  # a small file of equal lines may shrink more and harms nobody
 _METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
@@ -60,6 +65,9 @@ class Archive:
         if member is None:
             raise FileNotFoundError(errno.ENOENT, "no such file in the archive")
         with self.path.open("rb") as file:
+            # places and sizes may lie, and room would be made for all that is asked for
+            if member.offset + member.packed > file.seek(0, io.SEEK_END):
+                raise _damaged()
             file.seek(member.offset)
             header = file.read(_LOCAL_HEADER.size)
             if len(header) < _LOCAL_HEADER.size or not header.startswith(b"PK\x03\x04"):
@@ -141,16 +149,31 @@ def open_archive(path: Path) -> Archive:
         raise DatasetNotFound(msg) from None
 
 
+class _Bounded(io.BufferedReader):
+    """A file of which no more is read at once than a table of contents may take."""
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        """As of any file.
+
+        Raises:
+            BadZipFile: too much is asked for.
+        """
+        if size is not None and size > MAX_CONTENTS_BYTES:
+            msg = f"its table of contents is said to take {size} bytes"
+            raise zipfile.BadZipFile(msg)
+        return super().read(size)
+
+
 @functools.lru_cache(maxsize=4)
 def _open(path: Path, _size: int, _changed: int) -> Archive:
     members: dict[str, Member] = {}
-    with zipfile.ZipFile(path) as archive:
+    with path.open("rb", buffering=0) as raw, zipfile.ZipFile(_Bounded(raw)) as archive:
         for info in archive.infolist():
             fault = _name_fault(info) or _content_fault(info)
             if not fault and info.filename in members:
                 fault = "two members of that name"
             if fault:
-                msg = f"{path}: refused, member {info.orig_filename!a}: {fault}"
+                msg = f"{path}: refused, member {info.orig_filename!a:.80}: {fault}"
                 raise DatasetIncomplete(msg)
             if not info.is_dir():
                 deflated = info.compress_type == zipfile.ZIP_DEFLATED
@@ -172,6 +195,8 @@ def _name_fault(info: zipfile.ZipInfo) -> str:
         return "the name leads out of its folder"
     if "" in parts or "." in parts:
         return "a name with empty parts"
+    if len(name.encode("utf-8", "replace")) > _MAX_NAME or len(parts) > _MAX_DEPTH:
+        return f"more than {_MAX_NAME} bytes of name, or {_MAX_DEPTH} folders deep"
     return ""
 
 
@@ -185,6 +210,8 @@ def _content_fault(info: zipfile.ZipInfo) -> str:
     if info.compress_type not in _METHODS:
         return "packed by another method than deflate"
     vast = info.file_size > _RATIO_COUNTS_FROM and info.file_size > _MAX_RATIO * info.compress_size
+    if info.header_offset < 0:
+        return "said to lie before the beginning of the archive"
     if vast or info.file_size > MAX_MEMBER_BYTES:
         return f"{info.compress_size} bytes that unpack to {info.file_size}"
     return ""
