@@ -132,7 +132,9 @@ def _start(cluster: str, workers: int, stack: contextlib.ExitStack) -> Any:
     if cluster == "local":
         import distributed
 
-        local = _untyped(distributed).LocalCluster(n_workers=workers, threads_per_worker=1)
+        local = _untyped(distributed).LocalCluster(
+            n_workers=workers, threads_per_worker=1, dashboard_address=":0"
+        )
         return stack.enter_context(local)
     if cluster == "slurm":
         return stack.enter_context(_slurm(workers))

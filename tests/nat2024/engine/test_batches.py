@@ -12,6 +12,7 @@ import torch
 import nat2024
 from nat2024 import Tracker, register_tracker
 from nat2024.cards import Card
+from nat2024.cli import run as nat_bench
 from nat2024.engine import combine, run_benchmark
 from nat2024.engine.plan import Combination, PluginSpec
 from nat2024.errors import ResultConflict
@@ -21,7 +22,7 @@ from nat2024.types import Dataset
 pytestmark = pytest.mark.usefixtures("small_plugins")
 
 
-def unequal(folder: Path, lengths: tuple[int, ...] = (5, 3, 4)) -> Dataset:
+def unequal(folder: Path, lengths: tuple[int, ...] = (4, 2, 3)) -> Dataset:
     """The sequences of a dataset, cut to these lengths."""
     dataset = nat2024.load_dataset(folder)
     cut = [
@@ -165,3 +166,14 @@ def test_who_cannot_goes_alone_and_it_is_said(
     assert run_benchmark(combine(["still"], ["none"]), dataset, tmp_path).skipped == 3
     with pytest.raises(ResultConflict, match=r"batch 2 \(now 1\)"):
         run_benchmark(combine(["together"], ["none"]), dataset, tmp_path)
+
+
+def test_from_the_command_line(night_clip: Path, tmp_path: Path) -> None:
+    words = ["run", "--tracker", "siamrpnpp", "--dataset", str(night_clip), "--device", "cpu"]
+    words += ["--results", str(tmp_path), "--sequences", "tall,wide", "--batch", "2"]
+    assert nat_bench(words) == 0
+    folder = RunFolder(tmp_path / "night_clip" / "siamrpnpp")
+    manifest = folder.manifest()
+    assert manifest is not None
+    assert manifest.batch == 2
+    assert folder.finished() == ["tall", "wide"]
