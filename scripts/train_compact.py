@@ -1,7 +1,9 @@
-"""Train the bundled weights of `siamrpnpp`, variant `compact`, again: on CUDA if any, else CPU.
+"""Train `siamrpnpp`, variant `compact`, on photographs and clips: on CUDA if any, else CPU.
 
     python scripts/render_tracker_clips.py CLIPS --photographs PHOTOGRAPHS --processes 8
     python scripts/train_compact.py OUT --photographs PHOTOGRAPHS --clips CLIPS
+
+`make_compact.py` does both twice, as it was done for the shipped weights.
 
 Processes make the pairs, each batch from its number alone; the network sees a batch, and some
 steps later once more, mirrored and with other colours (`--repeats`). OUT gets `last_WIDTH.pt` every
@@ -243,7 +245,7 @@ def batches(given: argparse.Namespace, factory: PairFactory, step: int) -> Itera
         step += 1
 
 
-def train(runs: list[Run], factory: PairFactory, check: PairValidation, clips: int) -> None:
+def train(runs: list[Run], factory: PairFactory, check: PairValidation) -> None:
     """Train to the end."""
     given, first = runs[0].given, runs[0]
     began = time.time()
@@ -267,7 +269,7 @@ def train(runs: list[Run], factory: PairFactory, check: PairValidation, clips: i
                 if is_checked:
                     record |= check(run.average())
                 run.keep()
-                export(run, clips)
+                export(run)
                 line = json.dumps({k: round(v, 5) for k, v in record.items()})
                 log.write(line + "\n")
                 log.flush()
@@ -277,26 +279,28 @@ def train(runs: list[Run], factory: PairFactory, check: PairValidation, clips: i
                 return
 
 
-def export(run: Run, clips: int) -> None:
+def export(run: Run) -> None:
     """Write the averaged weights in half precision, and what they have seen."""
     from safetensors.torch import save_file
 
+    given = run.given
     state = {
         key: value.half().cpu().contiguous()
         for key, value in run.ema.state_dict().items()
         if value.is_floating_point()
     }
-    note = {**NOTE, "steps": str(run.step), "seed": str(run.given.seed)}
-    save_file(state, run.given.out / f"compact_{run.width}.safetensors", note)
-    photographs = sorted(run.given.photographs.glob("*.jpg"))
+    note = {**NOTE, "steps": str(run.step), "seed": str(given.seed)}
+    save_file(state, given.out / f"compact_{run.width}.safetensors", note)
+    photographs = sorted(given.photographs.glob("*.jpg"))
     digests = sorted(hashlib.sha256(path.read_bytes()).hexdigest() for path in photographs)
+    seeds = [int(path.stem.split("_")[1]) for path in (given.clips / "anno").glob("*.txt")]
     facts = {
         "photographs": len(digests),
-        "training_seeds": [FIRST_SEED, FIRST_SEED + clips - 1],
+        "training_seeds": [min(FIRST_SEED, *seeds) if given.start else min(seeds), max(seeds)],
         "choice_seeds": [420_000, 422_027],
         "photographs_sha256": digests,
     }
-    (run.given.out / "compact.json").write_text(json.dumps(facts, indent=1) + "\n")
+    (given.out / "compact.json").write_text(json.dumps(facts, indent=1) + "\n")
 
 
 def main() -> None:
@@ -314,7 +318,7 @@ def main() -> None:
     factory = PairFactory(source, given.batch, given.processes, -(-step // given.repeats))
     check = PairValidation(PairSource(photographs, clips, seed=given.seed + 1), count=96)
     runs = [Run(given, width) for width in given.widths]
-    train(runs, factory, check, len(clips))
+    train(runs, factory, check)
 
 
 def _arguments() -> argparse.Namespace:

@@ -94,7 +94,7 @@ def _expose(rng: Rng, crop: Image, exposure: Exposure) -> Image:
         crop = np.asarray(cv2.resize(crop, (side, side), interpolation=cv2.INTER_AREA))
     levels = (np.arange(256, dtype=np.float32) / 255) ** np.float32(exposure.gamma) * 255
     table = levels[:, None] * exposure.gain + np.float32(exposure.black)
-    pixels = np.asarray(cv2.LUT(crop, table[None].astype(np.float32)))
+    pixels = np.asarray(cv2.LUT(crop, table[None].astype(np.float32)), dtype=np.float32)
     if exposure.noise > 0.5:
         pixels += _noise(rng, crop.shape[0]) * np.float32(exposure.noise)
     return np.clip(pixels, 0, 255).astype(np.uint8)

@@ -1,4 +1,4 @@
-"""How `siamrpnpp` is trained: what its network is shown, and the preset of the bundled weights."""
+"""How `siamrpnpp` is trained: what its network is shown, and a preset for one or two cores."""
 
 from collections.abc import Mapping
 from types import MappingProxyType
