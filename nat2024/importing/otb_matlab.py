@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from nat2024.errors import BoxFileError
+from nat2024.importing.matlab_elements import plain_elements
 from nat2024.importing.runs import ForeignRun
 from nat2024.importing.tree import Folder, read_file
 from nat2024.types import Boxes
@@ -72,7 +73,7 @@ def _load(path: Path) -> dict[str, Any]:
     except ImportError:
         msg = f'{path}: MATLAB files need scipy: pip install "nat-bench[matlab]"'
         raise BoxFileError(msg) from None
-    raw = io.BytesIO(read_file(path))
+    raw = io.BytesIO(plain_elements(read_file(path), path))
     try:
         found: dict[str, Any] = loadmat(
             raw, squeeze_me=True, struct_as_record=False, variable_names=["results"]
