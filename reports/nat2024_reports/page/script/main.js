@@ -42,6 +42,7 @@ function render() {
   }
   restore(focus, caret, lastView !== null && lastView !== name, name);
   lastView = name;
+  document.body.dataset.shown = location.hash;
 }
 
 function overviewParts(view) {

@@ -83,7 +83,7 @@ function gainText(gain) {
   if (!gain) return "";
   const text = isKnown(gain.gain) ? signed(gain.gain) : MISSING;
   if (gain.certain) return text;
-  return [element("span", { title: "Not told from chance", "aria-label": "uncertain" }, "~"), text];
+  return [element("span", { title: "Not told from chance", "aria-label": "uncertain" }, "~\u2009"), text];
 }
 
 function speedColumn(rows) {
