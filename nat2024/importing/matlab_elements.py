@@ -1,7 +1,7 @@
 """MATLAB files of version 5 to 7 before scipy sees them: unpacked, and of plausible sizes.
 
-scipy makes room for as many entries as a header claims, unpacks whatever it is given, and crashes on
-cells nested without end, so that a file of some kilobytes could take all memory.
+scipy makes room for as many entries as a header claims, unpacks whatever it is given, and crashes
+on cells nested without end, so that a file of some kilobytes could take all memory.
 """
 
 import math
@@ -16,7 +16,7 @@ _HEADER = 128
 _ARRAY, _PACKED = 14, 15  # kinds of elements
 _WHOLE_NUMBERS = (5, 6)  # kinds that a shape may be written in
 _BEFORE_SHAPE = 24  # bytes from the beginning of an array
-_MOST_ELEMENTS = 4096
+_MOST_ELEMENTS = 1024
 
 
 def plain_elements(raw: bytes, path: Path) -> bytes:

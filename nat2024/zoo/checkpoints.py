@@ -1,7 +1,9 @@
 """Reading checkpoints in every wrapper form that authors publish, without running their code."""
 
 import pickle
+import struct
 import warnings
+import zipfile
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -12,6 +14,8 @@ if TYPE_CHECKING:
     import torch
 
 StateDict: TypeAlias = "dict[str, torch.Tensor]"
+
+_NUMBERS = {"f4": "f", "f8": "d", "i4": "i", "i8": "q", "b1": "?"}
 
 
 def read_checkpoint(path: str | Path) -> StateDict:
@@ -66,6 +70,7 @@ def _read_safetensors(path: Path) -> Any:
 def _read_torch(path: Path) -> Any:
     import torch
 
+    _check_not_packed(path)
     try:
         with torch.serialization.safe_globals(_harmless_globals()), warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of pickle protocols, which say nothing to a user
@@ -82,16 +87,46 @@ def _read_torch(path: Path) -> Any:
         raise WeightsMismatch(msg) from None
 
 
+def _check_not_packed(path: Path) -> None:
+    """Raise `WeightsMismatch` where members are packed: PyTorch never packs, but would unpack."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            packed = [info.filename for info in archive.infolist() if info.compress_type]
+    except (OSError, ValueError, NotImplementedError, struct.error, zipfile.BadZipFile):
+        return  # of the older form, or damaged, which PyTorch tells
+    if packed:
+        msg = f"{path}: refused, {packed[0]!a:.80} in it is packed; PyTorch stores tensors plainly"
+        raise WeightsMismatch(msg)
+
+
+class _Kind:
+    """Stands for `numpy.dtype` while a checkpoint is read, and knows plain numbers only.
+
+    The real one takes its state from the file: a forged state makes numpy read memory that is not
+    its own.
+    """
+
+    def __init__(self, name: object, *_: object) -> None:
+        self.name = name if name in _NUMBERS else ""
+
+    def __setstate__(self, _: object) -> None:
+        """Nothing: byte orders and fields of a file are not believed."""
+
+
+def _number(kind: object, raw: object = b"") -> float:
+    """Stands for `numpy.core.multiarray.scalar`: the number that some bytes hold."""
+    if not (isinstance(kind, _Kind) and kind.name and isinstance(raw, bytes)):
+        msg = "a number of no plain kind"
+        raise pickle.UnpicklingError(msg)
+    value: float = struct.unpack(f"<{_NUMBERS[kind.name]}", raw)[0]
+    return value
+
+
 def _harmless_globals() -> list[Any]:
     """Names beside tensors that official files hold: numpy scalars in their optimizer state."""
-    import numpy as np
-
-    try:
-        from numpy._core.multiarray import scalar
-    except ImportError:  # numpy below 2
-        from numpy.core.multiarray import scalar  # type: ignore[no-redef]
-    dtypes = [type(np.dtype(name)) for name in ("float32", "float64", "int32", "int64", "bool")]
-    return [(scalar, "numpy.core.multiarray.scalar"), scalar, np.dtype, *dtypes]
+    modules = ("numpy._core.multiarray", "numpy.core.multiarray")
+    scalars = [(_number, f"{module}.scalar") for module in modules]
+    return [(_Kind, "numpy.dtype"), *scalars]
 
 
 def fit_state_dict(
