@@ -189,6 +189,7 @@ class _Campaign:
         self._waiting = deque(units)
         self._tries: Counter[Job] = Counter()
         self._tasks: dict[str, _Task] = {}
+        self._is_deserted = False
         self._news: queue.Queue[tuple[str, Any]] = queue.Queue()
         self._topic = f"nat-bench-{secrets.token_hex(6)}"
 
@@ -221,6 +222,14 @@ class _Campaign:
     def _threads(self) -> int:
         self._check_alive()
         return sum(self._client.nthreads().values())
+
+    def _check_workers(self) -> None:
+        """Say once that no worker is left: others may come, but nobody should wait unknowingly."""
+        if self._threads():
+            self._is_deserted = False
+        elif not self._is_deserted:
+            self._is_deserted = True
+            log.warning("no worker is left; waiting for one, Ctrl-C keeps what is finished")
 
     def _check_alive(self) -> None:
         if self._client.status not in ("running", "connecting"):
@@ -264,7 +273,7 @@ class _Campaign:
         try:
             word, content = self._news.get(timeout=1.0)
         except queue.Empty:
-            self._check_alive()
+            self._check_workers()
             return
         if word == "frames":
             task = self._tasks.get(content["key"])
