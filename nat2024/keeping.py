@@ -39,12 +39,15 @@ def digest(*parts: Any) -> str:
     found = hashlib.sha256()
     for part in parts:
         if isinstance(part, np.ndarray):
-            raw = f"{part.dtype.str}{part.shape}".encode() + np.ascontiguousarray(part).tobytes()
+            kind, raw = f"array {part.dtype.str} {part.shape}", np.ascontiguousarray(part).data
         elif isinstance(part, bytes):
-            raw = part
+            kind, raw = f"bytes {len(part)}", memoryview(part)
         else:
-            raw = msgspec.msgpack.encode(part, order="sorted")
-        found.update(f"{type(part).__name__}{len(raw)}:".encode() + raw)
+            raw = memoryview(msgspec.msgpack.encode(part, order="sorted"))
+            kind = f"value {len(raw)}"
+        found.update(f"{kind}:".encode())
+        if raw.nbytes:  # an empty array gives no plain bytes
+            found.update(raw.cast("B") if raw.ndim != 1 or raw.format != "B" else raw)
     return found.hexdigest()[:32]
 
 

@@ -8,18 +8,12 @@ from pathlib import Path
 from nat2024.datasets import list_datasets, load_again, load_dataset
 from nat2024.errors import BoxFileError, DatasetNotFound, LengthMismatch
 from nat2024.evaluation.foreign import ScoredRepeats, foreign_notes, runs_of
+from nat2024.evaluation.scorers import RunScorer, Scorer, StoredResult, results_of, trim_kept
 from nat2024.evaluation.tables import Evaluation, RunScores
 from nat2024.importing import names_dataset
-from nat2024.metrics import (
-    Protocol,
-    SequenceScores,
-    average_repeats,
-    evaluate_boxes,
-    get_protocol,
-    summarize,
-)
+from nat2024.metrics import Protocol, average_repeats, get_protocol, summarize
 from nat2024.store import Run, dataset_folder, list_runs
-from nat2024.types import Boxes, Dataset, Flags, Origin, Sequence
+from nat2024.types import Dataset, Origin, Sequence
 
 _COMPARED_WITH_STRICT = "pysot"
 
@@ -34,6 +28,7 @@ def evaluate(
     on_length: str | None = None,
     runs: Collection[str] | None = None,
     skip_faulty: bool = False,
+    cache: bool = True,
 ) -> Evaluation:
     """Score every run of a dataset, or those named.
 
@@ -49,6 +44,8 @@ def evaluate(
         runs: names of run folders; the others are not even read.
         skip_faulty: leave out results of another toolkit whose length may not differ but does, and
             name them in the notes, instead of raising.
+        cache: take scores from the user's cache folder where nothing has changed since they were
+            put there, and keep new ones; the numbers are the same to the last bit.
 
     Raises:
         DatasetNotFound: there are no results of this dataset.
@@ -58,11 +55,13 @@ def evaluate(
     """
     chosen = get_protocol(protocol)
     folder = dataset_folder(results, dataset.name)
+    scoring = _Scoring.under(chosen, on_length, dataset, skip=skip_faulty, cache=cache)
     found = [
-        _score_run(run, dataset, chosen, on_length, skip_faulty=skip_faulty)
+        _score_run(run, scoring)
         for run in runs_of(list_runs(folder), dataset.name)
         if runs is None or run.name in runs
     ]
+    scoring.finish()
     scored = tuple(scores for scores in found if scores.sequences)
     empty = [_why_empty(scores) for scores in found if not scores.sequences]
     if not scored:
@@ -131,27 +130,41 @@ def _dataset_named(folder: Path, *, lenient: bool) -> Dataset:
     return load_dataset(name, unannotated=True, lenient=lenient)
 
 
-def _score_run(
-    run: Run, dataset: Dataset, protocol: Protocol, on_length: str | None, *, skip_faulty: bool
-) -> RunScores:
-    manifest = run.manifest()
+@dataclass(frozen=True, slots=True)
+class _Scoring:
+    """What holds for all runs of one call; `strict` is None where it is not compared with."""
+
+    dataset: Dataset
+    main: Scorer
+    strict: Scorer | None
+    skip_faulty: bool
+
+    @classmethod
+    def under(
+        cls, protocol: Protocol, on_length: str | None, dataset: Dataset, *, skip: bool, cache: bool
+    ) -> "_Scoring":
+        main, strict = Scorer(protocol, on_length, cache), None
+        if protocol.name == _COMPARED_WITH_STRICT:
+            strict = Scorer(get_protocol("strict"), on_length, cache, main.truths)
+        return cls(dataset, main, strict, skip)
+
+    def finish(self) -> None:
+        """See that what is kept does not grow for ever."""
+        if self.main.has_new or (self.strict and self.strict.has_new):
+            trim_kept()
+
+
+def _score_run(run: Run, scoring: _Scoring) -> RunScores:
+    manifest, dataset = run.manifest(), scoring.dataset
     tracker = run.tracker
     if manifest and manifest.tracker.title == tracker:
         tracker = manifest.tracker.shown
     finished = set(run.finished())
-    skipped = (BoxFileError, LengthMismatch) if skip_faulty else BoxFileError
-    scored = ScoredRepeats()
-    for sequence in dataset:
-        if sequence.name in finished and len(sequence.boxes):
-            try:
-                _score_sequence(run, sequence, protocol, on_length, scored)
-            except skipped as error:
-                if manifest:
-                    raise
-                scored.unreadable[sequence.name] = str(error)
+    scored = _score_sequences(run, scoring, finished, is_own=manifest is not None)
     scores = {name: average_repeats(each) for name, each in scored.repeats.items()}
     starts = manifest.starts if manifest else {}
     unread = manifest.skipped_frames if manifest else {}
+    protocol = scoring.main.protocol
     return RunScores(
         run=run.name,
         tracker=tracker,
@@ -167,53 +180,39 @@ def _score_run(
     )
 
 
+def _score_sequences(
+    run: Run, scoring: _Scoring, finished: Collection[str], *, is_own: bool
+) -> ScoredRepeats:
+    """Score all repeats of all sequences of a run."""
+    skipped = (BoxFileError, LengthMismatch) if scoring.skip_faulty else BoxFileError
+    main = scoring.main.open(run)
+    strict = scoring.strict.open(run) if scoring.strict else None
+    scored = ScoredRepeats()
+    for sequence in scoring.dataset:
+        if sequence.name in finished and len(sequence.boxes):
+            try:
+                _score_sequence(results_of(run, sequence.name), sequence, main, strict, scored)
+            except skipped as error:
+                if is_own:
+                    raise
+                scored.unreadable[sequence.name] = str(error)
+    for scorer in (main, strict):
+        if scorer:
+            scorer.save()
+    return scored
+
+
 def _score_sequence(
-    run: Run, sequence: Sequence, protocol: Protocol, on_length: str | None, scored: ScoredRepeats
+    results: list[StoredResult],
+    sequence: Sequence,
+    main: RunScorer,
+    strict: RunScorer | None,
+    scored: ScoredRepeats,
 ) -> None:
     """Score all repeats of a sequence into `scored`."""
-    stored = run.repeats(sequence.name)
-    pairs = [_pair(run, sequence, boxes) for boxes in stored]
-    # GOT-10k clips boxes to the image; no other protocol needs to look at one.
-    size = sequence.frame_size if protocol.name == "got10k-ao" else None
-    chosen = protocol.for_sequence(size)
-    repeats = [pair.score(chosen, on_length) for pair in pairs]
-    if protocol.name == _COMPARED_WITH_STRICT:
-        each = [pair.score(get_protocol("strict"), on_length) for pair in pairs]
+    repeats = [main.score(result, sequence) for result in results]
+    if strict:
+        each = [strict.score(result, sequence)[0] for result in results]
         scored.strict.append(average_repeats(each))
-    scored.first_rows[sequence.name] = stored[0][0]
-    scored.repeats[sequence.name] = repeats
-
-
-@dataclass(frozen=True, slots=True)
-class _Pair:
-    """A result and its ground truth, on the frames that have one."""
-
-    source: Path
-    predicted: Boxes
-    truth: Boxes
-    visible: Flags | None
-
-    def score(self, protocol: Protocol, on_length: str | None) -> SequenceScores:
-        return evaluate_boxes(
-            self.predicted,
-            self.truth,
-            visible=self.visible,
-            protocol=protocol,
-            on_length=on_length,
-            name=str(self.source),
-        )
-
-
-def _pair(run: Run, sequence: Sequence, predicted: Boxes) -> _Pair:
-    source = run.box_file(sequence.name)
-    truth, visible = sequence.boxes, sequence.visible
-    if sequence.keyframes is None:
-        return _Pair(source, predicted, truth, visible)
-    if len(predicted) != len(sequence):
-        msg = (
-            f"{source}: {len(predicted)} rows, but the sequence has {len(sequence)} frames, "
-            "and boxes on some of them only"
-        )
-        raise LengthMismatch(msg)
-    rows = sequence.keyframes
-    return _Pair(source, predicted[rows], truth[rows], None if visible is None else visible[rows])
+    scored.first_rows[sequence.name] = repeats[0][1]
+    scored.repeats[sequence.name] = [scores for scores, _ in repeats]

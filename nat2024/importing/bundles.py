@@ -92,7 +92,8 @@ def _run(folder: Folder, boxes: Folder, manifest: BundleManifest, run: BundledRu
         layout=NAME,
         files=found,
         times={s: holder / f"{s}.csv" for s in found if f"{s}.csv" in timed},
-        read=functools.partial(_read, run.sha256),
+        load=functools.partial(_load, run.sha256),
+        parse=_parse,
         named=(run.tracker, run.enhancer),
         dataset=manifest.dataset,
     )
@@ -102,10 +103,14 @@ def _has_times(folder: Folder) -> bool:
     return "times" in folder.folders
 
 
-def _read(digests: Mapping[str, str], path: Path) -> Boxes:
+def _load(digests: Mapping[str, str], path: Path) -> bytes:
     raw = read_file(path)
     if hashlib.sha256(raw).hexdigest() != digests.get(path.stem):
         msg = f"{path}: altered since it was exported (its sha256 is not the manifest's)"
         raise BoxFileError(msg)
+    return raw
+
+
+def _parse(raw: bytes, path: Path) -> Boxes:
     text = raw.decode("utf-8", "replace").removeprefix(HEADER)
     return parse_boxes(text, source=str(path))

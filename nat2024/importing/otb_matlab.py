@@ -16,7 +16,7 @@ import numpy as np
 from nat2024.errors import BoxFileError
 from nat2024.importing.matlab_elements import plain_elements
 from nat2024.importing.runs import ForeignRun
-from nat2024.importing.tree import Folder, read_file
+from nat2024.importing.tree import Folder
 from nat2024.types import Boxes
 
 NAME = "otb-matlab"
@@ -38,19 +38,19 @@ def find(folder: Folder) -> list[ForeignRun]:
         if sequence and tracker:
             by_tracker[tracker][sequence] = (folder.path / f"{stem}{_SUFFIX}",)
     return [
-        ForeignRun(tracker, folder.path, NAME, files, read=read_rows)
+        ForeignRun(tracker, folder.path, NAME, files, parse=parse_rows)
         for tracker, files in sorted(by_tracker.items())
     ]
 
 
-def read_rows(path: Path) -> Boxes:
+def parse_rows(raw: bytes, path: Path) -> Boxes:
     """Boxes of a MATLAB result, as they are stored.
 
     Raises:
         BoxFileError: no MATLAB file before version 7.3, no result in it, or one of another type
             than `rect`, which is named; or scipy is not installed.
     """
-    results = _load(path).get("results")
+    results = _load(raw, path).get("results")
     while isinstance(results, np.ndarray) and results.dtype == object and results.size == 1:
         results = results.item()  # a cell of one
     if isinstance(results, np.ndarray) and results.dtype == object:
@@ -66,17 +66,19 @@ def read_rows(path: Path) -> Boxes:
     return _checked(path, rows, getattr(results, "len", None))
 
 
-def _load(path: Path) -> dict[str, Any]:
+def _load(raw: bytes, path: Path) -> dict[str, Any]:
     try:
         from scipy.io import loadmat  # type: ignore[import-untyped]
         from scipy.io.matlab import MatReadError  # type: ignore[import-untyped]
     except ImportError:
         msg = f'{path}: MATLAB files need scipy: pip install "nat-bench[matlab]"'
         raise BoxFileError(msg) from None
-    raw = io.BytesIO(plain_elements(read_file(path), path))
     try:
         found: dict[str, Any] = loadmat(
-            raw, squeeze_me=True, struct_as_record=False, variable_names=["results"]
+            io.BytesIO(plain_elements(raw, path)),
+            squeeze_me=True,
+            struct_as_record=False,
+            variable_names=["results"],
         )
     except NotImplementedError:
         msg = f"{path}: a MATLAB file of version 7.3; save it again with -v7"

@@ -9,7 +9,7 @@ import numpy as np
 from nat2024.boxes import parse_rows
 from nat2024.errors import BoxFileError
 from nat2024.importing.names import split_name
-from nat2024.importing.tree import read_file, read_rows
+from nat2024.importing.tree import parse_text, read_file
 from nat2024.types import Boxes, Floats
 
 _COLUMNS = tuple(range(1, 65))  # one a repeat
@@ -25,7 +25,8 @@ class ForeignRun:
         layout: name of the layout it was recognised by.
         files: by sequence the files of its repeats, at least one.
         times: by sequence the file of its seconds a frame, where there is one.
-        read: reads one of `files`.
+        load: gives the bytes of one of `files`.
+        parse: gives the boxes of such bytes; the path is named in errors.
         restarts: whether the tracker was started anew after failures (VOT short-term), so that
             this is no one-pass result.
         named: tracker and enhancer, where the layout itself tells them apart.
@@ -37,7 +38,8 @@ class ForeignRun:
     layout: str
     files: Mapping[str, tuple[Path, ...]]
     times: Mapping[str, Path] = field(default_factory=dict)
-    read: Callable[[Path], Boxes] = read_rows
+    load: Callable[[Path], bytes] = read_file
+    parse: Callable[[bytes, Path], Boxes] = parse_text
     restarts: bool = False
     named: tuple[str, str] | None = None
     dataset: str = ""
@@ -70,20 +72,29 @@ class ForeignRun:
         Raises:
             BoxFileError: they cannot be read, or are those of a run with restarts.
         """
-        return self._read(self.box_file(sequence))
+        path = self.box_file(sequence)
+        return self.parse(self._load(path), path)
 
     def repeats(self, sequence: str) -> list[Boxes]:
         """Boxes of all repeats of a sequence, float64 (n, 4) each."""
-        return [self._read(path) for path in self.files[sequence]]
+        return [self.parse(raw, path) for path, raw in self.contents(sequence)]
 
-    def _read(self, path: Path) -> Boxes:
+    def contents(self, sequence: str) -> list[tuple[Path, bytes]]:
+        """Files of all repeats of a sequence and their bytes; `parse` makes boxes of them.
+
+        Raises:
+            BoxFileError: they cannot be read, or are those of a run with restarts.
+        """
+        return [(path, self._load(path)) for path in self.files[sequence]]
+
+    def _load(self, path: Path) -> bytes:
         if self.restarts:
             msg = (
                 f"{path}: a VOT short-term result, started anew after each failure, is no one-pass "
                 "result; `nat-bench export --accept-restarts` makes one, with those rows as NaN"
             )
             raise BoxFileError(msg)
-        return self.read(path)
+        return self.load(path)
 
     def one_pass(self) -> "ForeignRun":
         """The same run, taken for a one-pass result: rows that hold no box become NaN."""

@@ -13,7 +13,7 @@ from nat2024.boxes import parse_boxes
 from nat2024.errors import BoxFileError
 from nat2024.importing.got10k import repeated_files
 from nat2024.importing.runs import ForeignRun
-from nat2024.importing.tree import Folder, read_file
+from nat2024.importing.tree import Folder
 from nat2024.types import Boxes
 
 NAME = "vot"
@@ -39,17 +39,17 @@ def find(folder: Folder) -> list[ForeignRun]:
             layout=f"{NAME}-{kind}",
             files=files,
             times=times,
-            read=read_rows,
+            parse=parse_rows,
             restarts=kind == SHORT_TERM,
         )
         for kind, files, times in runs
     ]
 
 
-def read_rows(path: Path) -> Boxes:
+def parse_rows(raw: bytes, path: Path) -> Boxes:
     """Boxes of a VOT text; rows that are codes become NaN."""
     try:
-        lines = read_file(path).decode("utf-8").split("\n")
+        lines = raw.decode("utf-8").split("\n")
     except UnicodeDecodeError:
         msg = f"{path}: not a text file of boxes"
         raise BoxFileError(msg) from None

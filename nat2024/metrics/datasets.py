@@ -17,11 +17,13 @@ from nat2024.metrics.sequences import SCORE_NAMES, Scores, SequenceScores
 from nat2024.types import Flags, Floats
 
 _EPSILON = float(np.finfo(np.float64).eps)
-_CURVE_LENGTHS: Final = {
+CURVE_LENGTHS: Final = {
     "success_curve": len(SUCCESS_THRESHOLDS),
     "precision_curve": len(PRECISION_THRESHOLDS),
     "normalized_precision_curve": len(NORMALIZED_PRECISION_THRESHOLDS),
 }
+"""How many values each curve has."""
+
 _CURVE_OF: Final = {
     "success_auc": "success_curve",
     "success_rate_50": "success_curve",
@@ -73,7 +75,7 @@ def summarize(
     frames = np.array([one.frames for one in given], dtype=np.float64)
     curves: dict[str, Any] = {}
     weights: dict[str, Floats] = {}
-    for name, length in _CURVE_LENGTHS.items():
+    for name, length in CURVE_LENGTHS.items():
         table = _table(given, name, length)
         weights[name] = _weights(table, frames, chosen)
         curves[name] = _mean(table, weights[name])
@@ -104,7 +106,7 @@ def sequence_weights(scores: Iterable[SequenceScores], metric: str) -> Floats:
     given = list(scores)
     curve = _CURVE_OF[metric]
     frames = np.array([one.frames for one in given], dtype=np.float64)
-    table = _table(given, curve, _CURVE_LENGTHS[curve])
+    table = _table(given, curve, CURVE_LENGTHS[curve])
     return _weights(table, frames, _common_protocol(given, None))
 
 

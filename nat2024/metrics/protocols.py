@@ -123,6 +123,8 @@ class Protocol:
     @property
     def without_sequence_data(self) -> "Protocol":
         """The same protocol without `frame_size` and `cover`, which belong to one sequence."""
+        if self.frame_size is None and self.cover is None:
+            return self
         return replace(self, frame_size=None, cover=None)
 
     def for_sequence(self, frame_size: tuple[int, int] | None) -> "Protocol":

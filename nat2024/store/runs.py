@@ -2,7 +2,7 @@
 
 import contextlib
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -10,7 +10,7 @@ from typing import Protocol
 import msgspec
 import numpy as np
 
-from nat2024.boxes import parse_rows, read_boxes, write_boxes
+from nat2024.boxes import parse_boxes, parse_rows, read_boxes, read_text, write_boxes
 from nat2024.errors import ResultConflict, Unwritable
 from nat2024.files import remove_leftovers, write_atomic
 from nat2024.importing import split_name
@@ -66,6 +66,20 @@ class Run(Protocol):
 
     def repeats(self, sequence: str, /) -> list[Boxes]:
         """Boxes of all repeats of a sequence, at least one."""
+        ...
+
+    @property
+    def layout(self) -> str:
+        """Name of the layout: with equal ones `parse` makes equal boxes of equal bytes."""
+        ...
+
+    def contents(self, sequence: str, /) -> list[tuple[Path, bytes]]:
+        """Files of all repeats of a sequence and their bytes."""
+        ...
+
+    @property
+    def parse(self) -> Callable[[bytes, Path], Boxes]:
+        """Makes boxes of the bytes of `contents`; the path is named in errors."""
         ...
 
     def frame_seconds(self, sequence: str, /) -> Floats | None:
@@ -154,6 +168,20 @@ class RunFolder:
     def repeats(self, sequence: str) -> list[Boxes]:
         """Boxes of all repeats: the stored ones alone."""
         return [self.boxes(sequence)]
+
+    @property
+    def layout(self) -> str:
+        """The name of nat-bench's own layout."""
+        return "nat-bench"
+
+    def contents(self, sequence: str) -> list[tuple[Path, bytes]]:
+        """The file of a sequence and its bytes."""
+        path = self.box_file(sequence)
+        return [(path, read_text(path))]
+
+    def parse(self, raw: bytes, path: Path) -> Boxes:
+        """Boxes of such bytes; the path is named in errors."""
+        return parse_boxes(raw, source=str(path))
 
     def frame_seconds(self, sequence: str) -> Floats | None:
         """Seconds of enhancing and tracking of each frame (n,); None where none are stored."""
