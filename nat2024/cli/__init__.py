@@ -10,6 +10,7 @@ from typing import Any
 import click
 
 from nat2024.cli.groups import Verbs
+from nat2024.cli.terminal import harmless_terminal
 
 _VERBS = {
     "run": "Track a dataset with every tracker and enhancer named.",
@@ -59,6 +60,11 @@ def main(args: Sequence[str] | None = None) -> None:
 def run(args: Sequence[str] | None = None) -> int:
     """Run the command line; every foreseen error is one line on standard error."""
     words = list(sys.argv[1:] if args is None else args)
+    with harmless_terminal():
+        return _run(words)
+
+
+def _run(words: list[str]) -> int:
     debug = "--debug" in words
     try:
         status: Any = cli.main(words, prog_name="nat-bench", standalone_mode=False)

@@ -6,17 +6,19 @@ from pathlib import PureWindowsPath
 from nat2024.errors import AnnotationInvalid
 
 _NUMBERED = re.compile(r"([^%]*)%(?:0([1-9]))?d([^%]*)")
+_DEVICES = re.compile(r"(con|prn|aux|nul|com[0-9]|lpt[0-9])[ ]*(\..*)?", re.IGNORECASE)
 _NAME_BYTES = 200  # file systems take 255, an ending and a temporary name must fit too
 
 
 def is_plain_name(name: str) -> bool:
-    """Whether a name is a visible file name that leads nowhere: no separator, no leading dot."""
+    """Whether a name is a visible file name that leads nowhere: no separator, dot or device."""
     return (
         bool(name)
         and name.isprintable()
         and not name.startswith(".")
         and not {"/", "\\"} & set(name)
         and not PureWindowsPath(name).drive
+        and not _DEVICES.fullmatch(name)  # Windows would write to a device
         and len(name.encode()) <= _NAME_BYTES
     )
 

@@ -3,9 +3,12 @@
 import csv
 import io
 import math
+import re
 from collections.abc import Sequence
 
 from nat2024_reports.tables import Cell, Column, Table
+
+_FORMULA = re.compile(r"[=@\t\r]|[+-](?![\d.]*$)")
 
 
 def as_csv(tables: Sequence[Table]) -> str:
@@ -20,7 +23,8 @@ def as_csv(tables: Sequence[Table]) -> str:
         for row in table.rows:
             pairs = zip(table.columns, row, strict=True)
             cells = {_name(column): _text(cell) for column, cell in pairs}
-            writer.writerow({**table.facts, **cells})
+            told = {name: _quoted(text) for name, text in table.facts.items()}
+            writer.writerow({**told, **cells})
     return buffer.getvalue()
 
 
@@ -28,7 +32,12 @@ def _name(column: Column) -> str:
     return column.name or column.heading
 
 
+def _quoted(text: str) -> str:
+    """The text, behind an apostrophe where a spreadsheet would take it for a formula."""
+    return f"'{text}" if _FORMULA.match(text) else text
+
+
 def _text(cell: Cell) -> str:
     if cell.value is None:
-        return cell.text
+        return _quoted(cell.text)
     return "" if math.isnan(cell.value) else repr(cell.value)

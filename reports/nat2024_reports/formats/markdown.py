@@ -5,7 +5,18 @@ from collections.abc import Iterable, Sequence
 from nat2024_reports.tables import MARK, Cell, Table
 
 _MARKS = ("{}", "**{}**", "_{}_")
-_ESCAPES = str.maketrans({"|": r"\|", "*": r"\*", "`": r"\`", "<": "&lt;", "~": r"\~", "\n": " "})
+_ESCAPES = str.maketrans(
+    {
+        "\\": r"\\",  # else one at the end of a name would free what stands behind it
+        "|": r"\|",
+        "*": r"\*",
+        "`": r"\`",
+        "<": "&lt;",
+        "~": r"\~",
+        "\n": " ",
+        "\r": " ",
+    }
+)
 
 
 def as_markdown(tables: Sequence[Table]) -> str:
@@ -35,4 +46,4 @@ def _text(cell: Cell) -> str:
 
 
 def _escape(text: str) -> str:
-    return text.translate(_ESCAPES)
+    return text.translate(_ESCAPES).replace("](", r"]\(")  # no link, and no picture from afar
