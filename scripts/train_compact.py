@@ -318,7 +318,8 @@ def main() -> None:
     factory = PairFactory(source, given.batch, given.processes, -(-step // given.repeats))
     check = PairValidation(PairSource(photographs, clips, seed=given.seed + 1), count=96)
     runs = [Run(given, width) for width in given.widths]
-    train(runs, factory, check)
+    if runs[0].progress() < 1:
+        train(runs, factory, check)
 
 
 def _arguments() -> argparse.Namespace:
