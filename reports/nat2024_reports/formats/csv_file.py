@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 from nat2024_reports.tables import Cell, Column, Table
 
-_FORMULA = re.compile(r"[=@\t\r]|[+-](?![\d.]*$)")
+_FORMULA = re.compile(r"[=@\t]|[+-](?![\d.]*$)")
 
 
 def as_csv(tables: Sequence[Table]) -> str:
@@ -33,7 +33,8 @@ def _name(column: Column) -> str:
 
 
 def _quoted(text: str) -> str:
-    """The text, behind an apostrophe where a spreadsheet would take it for a formula."""
+    """The text in one line, behind an apostrophe where a spreadsheet would see a formula."""
+    text = " ".join(re.split(r"[\r\n]", text))
     return f"'{text}" if _FORMULA.match(text) else text
 
 
