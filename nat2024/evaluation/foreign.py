@@ -47,13 +47,13 @@ class ScoredRepeats:
 
     Attributes:
         repeats: scores of every repeat.
-        strict: the same under the protocol `strict`, repeats averaged, where that is asked.
+        strict: success AUC under the protocol `strict`, the mean over repeats, where that is asked.
         first_rows: the first box of the first repeat.
         unreadable: why a sequence was left out.
     """
 
     repeats: dict[str, list[SequenceScores]] = field(default_factory=dict)
-    strict: list[SequenceScores] = field(default_factory=list)
+    strict: list[float] = field(default_factory=list)
     first_rows: dict[str, Box] = field(default_factory=dict)
     unreadable: dict[str, str] = field(default_factory=dict)
 

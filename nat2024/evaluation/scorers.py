@@ -11,6 +11,7 @@ import hashlib
 import itertools
 import logging
 import platform
+import struct
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields
@@ -42,6 +43,9 @@ _COUNTS: Final = (
 )
 _HEAD: Final = len(_COUNTS) + len(SCORE_NAMES) + 4
 _ENDS: Final = [_HEAD, *(_HEAD + int(end) for end in np.cumsum(list(CURVE_LENGTHS.values())))]
+
+_SUCCESS: Final = struct.Struct("=d")
+_SUCCESS_AT: Final = 8 * (len(_COUNTS) + SCORE_NAMES.index("success_auc"))
 
 _log = logging.getLogger("nat2024")
 
@@ -107,6 +111,11 @@ class Scorer:
     truths: dict[str, str] = field(default_factory=dict)
     has_new: bool = False
     _settings: dict[str, _Setting] = field(default_factory=dict)
+    _rules: str = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Digest the rules once: with most protocols they are those of all sequences."""
+        self._rules = self._digest(self.protocol)
 
     def open(self, run: Run) -> "RunScorer":
         """What scores one run."""
@@ -133,8 +142,11 @@ class Scorer:
         truth = self.truths.get(sequence.name)
         if truth is None:
             truth = self.truths[sequence.name] = _truth(sequence)
-        identity = digest(computation(), _options(protocol), self.on_length, truth)
-        return _Setting(protocol, identity.encode())
+        rules = self._rules if protocol is self.protocol else self._digest(protocol)
+        return _Setting(protocol, f"{rules} {truth} ".encode())
+
+    def _digest(self, protocol: Protocol) -> str:
+        return digest(computation(), _options(protocol), self.on_length)
 
 
 def _truth(sequence: Sequence) -> str:
@@ -175,17 +187,25 @@ class RunScorer:
         """
         setting, on_length = self.scorer.setting(sequence), self.scorer.on_length
         again = _Again(result.run, result.number, result.digest, sequence, setting, on_length)
-        key = None
+        return _unpack(self._packed(result, sequence), str(result.path), setting.protocol, again)
+
+    def success(self, result: StoredResult, sequence: Sequence) -> float:
+        """The success AUC alone; see `score`."""
+        return float(_SUCCESS.unpack_from(self._packed(result, sequence), _SUCCESS_AT)[0])
+
+    def _packed(self, result: StoredResult, sequence: Sequence) -> bytes:
+        setting, key = self.scorer.setting(sequence), None
         if self.scorer.cache:
             identity = setting.identity + result.run.layout.encode() + result.digest
             key = hashlib.sha256(identity).hexdigest()
             kept = self.keeper.get(key, bytes)
             if kept is not None and len(kept) == 8 * _ENDS[-1]:
-                return _unpack(kept, str(result.path), setting.protocol, again)
-        raw = _pack(_score(result, sequence, setting.protocol, on_length), result.boxes[0])
+                return kept
+        scores = _score(result, sequence, setting.protocol, self.scorer.on_length)
+        raw = _pack(scores, result.boxes[0])
         self.keeper.put(key, raw)
         self.scorer.has_new |= key is not None
-        return _unpack(raw, str(result.path), setting.protocol, again)
+        return raw
 
     def save(self) -> None:
         """Keep what came new, where that can be."""

@@ -5,13 +5,16 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from nat2024.datasets import list_datasets, load_again, load_dataset
 from nat2024.errors import BoxFileError, DatasetNotFound, LengthMismatch
 from nat2024.evaluation.foreign import ScoredRepeats, foreign_notes, runs_of
 from nat2024.evaluation.scorers import RunScorer, Scorer, StoredResult, results_of, trim_kept
 from nat2024.evaluation.tables import Evaluation, RunScores
 from nat2024.importing import names_dataset
-from nat2024.metrics import Protocol, average_repeats, get_protocol, summarize
+from nat2024.metrics import Protocol, average_repeats, get_protocol
+from nat2024.metrics.datasets import mean_success
 from nat2024.store import Run, dataset_folder, list_runs
 from nat2024.types import Dataset, Origin, Sequence
 
@@ -174,7 +177,7 @@ def _score_run(run: Run, scoring: _Scoring) -> RunScores:
         missing=tuple(s.name for s in dataset if s.is_annotated and s.name not in finished),
         altered=tuple(n for n in scores if n in starts and starts[n] != dataset[n].start_digest()),
         skipped={name: frames for name, frames in unread.items() if name in scores},
-        strict_success=summarize(scored.strict, "strict").success_auc,
+        strict_success=mean_success(scored.strict),
         manifest=manifest,
         foreign=None if manifest else foreign_notes(run, dataset, scored, protocol),
     )
@@ -212,7 +215,7 @@ def _score_sequence(
     """Score all repeats of a sequence into `scored`."""
     repeats = [main.score(result, sequence) for result in results]
     if strict:
-        each = [strict.score(result, sequence)[0] for result in results]
-        scored.strict.append(average_repeats(each))
+        each = [strict.success(result, sequence) for result in results]
+        scored.strict.append(each[0] if len(each) == 1 else float(np.mean(each)))
     scored.first_rows[sequence.name] = repeats[0][1]
     scored.repeats[sequence.name] = [scores for scores, _ in repeats]

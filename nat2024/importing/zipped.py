@@ -20,10 +20,12 @@ WORDS = "TRACKER.zip with SEQUENCE.txt in it (CDT, TrackingNet)"
 def archives_in(folder: Folder) -> Iterator[Path]:
     """The archives that lie directly in a folder; those inside another archive are told."""
     for name in folder.files:
+        if not name.lower().endswith(_SUFFIX):
+            continue
         path = folder.path / name
         if is_archive(path):
             yield path
-        elif path.suffix.lower() == _SUFFIX:
+        else:
             _log.warning("left out: %s: an archive inside an archive is not read", path)
 
 

@@ -93,6 +93,16 @@ def summarize(
     )
 
 
+def mean_success(values: Iterable[float]) -> float:
+    """The success score that `summarize` gives under a protocol which takes the plain mean.
+
+    Args:
+        values: `success_auc` of the sequences; NaN leaves the mean.
+    """
+    table = np.array(list(values), dtype=np.float64).reshape(-1, 1)
+    return float(_mean(table, np.where(np.isnan(table[:, 0]), 0.0, 1.0))[0])
+
+
 def sequence_weights(scores: Iterable[SequenceScores], metric: str) -> Floats:
     """The weight of each sequence in the mean of a metric, as `summarize` takes it.
 
