@@ -1,11 +1,13 @@
 """Sequences in one forward, beside one at a time: `nat-bench run --batch`.
 
-    python benchmarks/lockstep.py [--device cpu|cuda] [--batches 1,2,4,8] [--json] [--jpeg]
+    python benchmarks/lockstep.py [--device cpu|cuda] [--batches 1,2,4,8] [--json]
+        [--jpeg | --updates]
 
 runs siamrpnpp (AlexNet, official size) with ldenhancer, both with fresh weights, over rendered
 frames of 960x540 through the engine's own loop, and prints the frames a second of all sequences
 together for each batch. Sizes take turns, and the best turn counts. With `--jpeg` frames are
-decoded from JPEG in reader threads, as in a run; without, they lie in memory.
+decoded from JPEG in reader threads, as in a run; without, they lie in memory. With `--updates` only
+the tracker's updates are timed, all of them on one frame: what the device allows.
 """
 
 import argparse
@@ -23,6 +25,9 @@ from nat2024.engine.plan import Combination, PluginSpec
 from nat2024.engine.workers import computing_threads
 from nat2024.interfaces import Tracker
 from nat2024.store import Track
+
+RENDERED = 4
+"""How many different sequences are rendered."""
 
 
 class JpegFrames:
@@ -44,16 +49,16 @@ class JpegFrames:
 
 
 def render(count: int, frames: int, size: tuple[int, int], *, jpeg: bool) -> list[types.Sequence]:
-    """Rendered night sequences."""
+    """Night sequences, of which a few are rendered and the others the same under other names."""
     from nat2024.night import Clip, render_clip
 
-    sequences = []
-    for seed in range(count):
+    rendered = []
+    for seed in range(min(count, RENDERED)):
         clip = Clip(f"s{seed}", frames=frames, size=size, target_size=(40, 30), seed=seed)
         images, boxes = zip(*render_clip(clip), strict=True)
         source: Any = JpegFrames(images) if jpeg else images
-        sequences.append(types.Sequence(clip.name, source, np.array(boxes)))
-    return sequences
+        rendered.append((source, np.array(boxes)))
+    return [types.Sequence(f"s{n}", *rendered[n % len(rendered)]) for n in range(count)]
 
 
 def create(device: str, enhancer: str) -> Tracker:
@@ -77,6 +82,38 @@ def track(tracker: Tracker, sequences: list[types.Sequence], batch: int) -> list
             assert isinstance(finish.result, Track), finish.result
             boxes.append(finish.result.boxes)
     return boxes
+
+
+def measure_updates(given: argparse.Namespace) -> list[dict[str, Any]]:
+    """Rows of the table for updates of one frame, without an engine around them."""
+    width, height = (int(side) for side in given.size.split("x"))
+    [sequence] = render(1, 2, (width, height), jpeg=False)
+    image = sequence.image(1)
+    tracker: Any = create(given.device, given.enhancer)
+    first, target = tracker.begin(sequence.image(0), sequence.boxes[0])
+    rows: list[dict[str, Any]] = []
+    for batch in (int(batch) for batch in given.batches.split(",")):
+
+        def update(batch: int = batch) -> Any:
+            return tracker.update_many([image] * batch, [first] * batch, [target] * batch)
+
+        with computing_threads(given.threads):
+            for _ in range(4):  # allocations and choices of kernels
+                steps = update()
+            start = time.perf_counter()
+            for _ in range(given.frames):  # boxes come to the CPU, which waits for the device
+                update()
+            seconds = (time.perf_counter() - start) / given.frames / batch
+        rows.append(
+            {
+                "batch": batch,
+                "frames_per_second": 1 / seconds,
+                "ms_per_frame": 1000 * seconds,
+                "ratio": rows[0]["ms_per_frame"] / 1000 / seconds if rows else 1.0,
+                "largest_difference_px": float(np.ptp([step.box for step in steps], axis=0).max()),
+            }
+        )
+    return rows
 
 
 def measure(given: argparse.Namespace) -> list[dict[str, Any]]:
@@ -121,9 +158,10 @@ def main() -> None:
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--size", default="960x540")
     parser.add_argument("--jpeg", action="store_true")
+    parser.add_argument("--updates", action="store_true")
     parser.add_argument("--json", action="store_true")
     given = parser.parse_args()
-    rows = measure(given)
+    rows = measure_updates(given) if given.updates else measure(given)
     where = machine()
     if given.device.startswith("cuda"):
         import torch

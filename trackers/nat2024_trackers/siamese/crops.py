@@ -67,7 +67,11 @@ def search_window(
 
 def mean_color(image: Image) -> npt.NDArray[np.uint8]:
     """uint8 (3,): mean of the image, truncated as in the official code."""
-    return np.asarray(image.mean(axis=(0, 1)), dtype=np.float64).astype(np.uint8)
+    import cv2
+
+    # Sums of whole numbers are exact, so this is the mean that numpy takes 90 times as long for.
+    sums = np.array(cv2.sumElems(image)[:3])
+    return (sums / (image.shape[0] * image.shape[1])).astype(np.uint8)
 
 
 def crop(image: Image, target: Target, side: int, size: int, fill: npt.NDArray[np.uint8]) -> Image:

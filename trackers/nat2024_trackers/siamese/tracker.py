@@ -236,8 +236,8 @@ class SiameseTracker(Tracker):
         """float32 (n, 3, side, side) in 0..255, BGR; enhanced crops are not rounded."""
         import torch
 
-        pixels = torch.from_numpy(np.stack(crops).transpose(0, 3, 1, 2).copy())
-        batch = pixels.to(self.device).float()
+        pixels = torch.from_numpy(np.stack(crops)).to(self.device).permute(0, 3, 1, 2)
+        batch = pixels.to(torch.float32, memory_format=torch.contiguous_format)
         if self.enhancer is None or self.scope != "patch" or not enhanced:
             return batch
         better = run_enhancer(self.enhancer, batch / 255.0, self.device)
