@@ -114,6 +114,11 @@ on_length_option = click.option(
     type=click.Choice(["error", "pad", "cut"]),
     help="Results and truth of unequal length; left out, the protocol decides.",
 )
+cache_option = click.option(
+    "--cache/--no-cache",
+    default=True,
+    help="Take scores that were kept before where nothing has changed, and keep new ones.",
+)
 
 
 def backend_option(default: str) -> Callable[[_Function], _Function]:

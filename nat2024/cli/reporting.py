@@ -163,7 +163,12 @@ def _evaluated(scored: Scored, protocol: "Protocol", on_length: str | None) -> "
 
     names = [run.run for run in scored.evaluation.runs]
     found = evaluate(
-        scored.folder, scored.dataset, protocol=protocol, on_length=on_length, runs=names
+        scored.folder,
+        scored.dataset,
+        protocol=protocol,
+        on_length=on_length,
+        runs=names,
+        cache=scored.cache,
     )
     return dataclasses.replace(
         found,

@@ -29,6 +29,7 @@ class Scoring:
     lenient: bool
     protocol: "Protocol"
     on_length: str | None
+    cache: bool = True
 
 
 def scoring_options(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -41,6 +42,7 @@ def scoring_options(function: Callable[..., Any]) -> Callable[..., Any]:
     @shared.protocol_option
     @shared.protocol_options_option
     @shared.on_length_option
+    @shared.cache_option
     @functools.wraps(function)
     def wrapped(
         results: Path,
@@ -50,10 +52,12 @@ def scoring_options(function: Callable[..., Any]) -> Callable[..., Any]:
         protocol: str,
         protocol_options: tuple[str, ...],
         on_length: str | None,
+        cache: bool,
         **others: Any,
     ) -> Any:
         chosen = shared.choose_protocol(protocol, protocol_options)
-        return function(Scoring(results, dataset, root, lenient, chosen, on_length), **others)
+        wanted = Scoring(results, dataset, root, lenient, chosen, on_length, cache)
+        return function(wanted, **others)
 
     return wrapped
 
@@ -66,11 +70,13 @@ class Scored:
         evaluation: scores of all runs.
         dataset: the ground truth.
         folder: the folder of results, of this dataset or of several.
+        cache: whether scores may be kept, and taken from what was kept.
     """
 
     evaluation: "Evaluation"
     dataset: "Dataset"
     folder: Path
+    cache: bool = True
 
 
 def score(wanted: Scoring, *, computed_attributes: bool = False) -> "list[Evaluation]":
@@ -94,8 +100,9 @@ def score_with_datasets(wanted: Scoring, *, computed_attributes: bool = False) -
     def scored(folder: Path, dataset: "Dataset") -> Scored:
         described = _with_attributes(dataset) if computed_attributes else dataset
         protocol, on_length = wanted.protocol, wanted.on_length
-        found = evaluate(folder, described, protocol=protocol, on_length=on_length)
-        return Scored(found, described, folder)
+        cache = wanted.cache
+        found = evaluate(folder, described, protocol=protocol, on_length=on_length, cache=cache)
+        return Scored(found, described, folder, cache)
 
     results = check_results(wanted.results)
     if wanted.dataset is not None:

@@ -212,7 +212,9 @@ def _protocols(scored: Scored, wish: Wish) -> "list[Table]":
     found = []
     for protocol in list_protocols():
         try:
-            evaluation = evaluate(scored.folder, scored.dataset, protocol=protocol)
+            evaluation = evaluate(
+                scored.folder, scored.dataset, protocol=protocol, cache=scored.cache
+            )
         except NatBenchError as error:  # one protocol may refuse what others take
             log.warning("%s: left out, %s", protocol, error)
             continue

@@ -142,6 +142,16 @@ def test_a_bad_foreign_result_does_not_spoil_a_run(
     assert "3 sequences, 24 frames" in out
 
 
+def test_no_cache(cli: Any, results: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NAT2024_CACHE", str(tmp_path / "kept"))
+    words = ("eval", "--results", results, "--json")
+    without = cli(*words, "--no-cache")
+    assert not (tmp_path / "kept" / "scores").exists()
+    assert cli(*words) == without
+    assert list((tmp_path / "kept" / "scores").iterdir())
+    assert cli(*words) == without
+
+
 def test_eval_by_sequence_and_protocol(results: Path, cli: Any) -> None:
     status, out, _ = cli("eval", "--results", results, "--by", "sequence", "--protocol", "strict")
     assert status == 0
