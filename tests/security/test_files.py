@@ -1,5 +1,6 @@
 """What fuzzing found in files of results, archives and checkpoints, one test a fault."""
 
+import contextlib
 import io
 import pickle
 import struct
@@ -134,6 +135,28 @@ def test_names_of_endless_folders(tmp_path: Path) -> None:
     assert len(str(caught.value)) < 300
 
 
+@pytest.mark.parametrize("place", range(0, 272, 4))
+def test_numbers_of_matlab_files_that_lie(place: int) -> None:
+    """scipy crashes the process on some of them; what passes here must still be well-formed."""
+    plain = seeds.matlab_result()
+    for value in (0, 9, 255, 2**31 - 1):
+        raw = plain[:place] + struct.pack("<I", value) + plain[place + 4 :]
+        try:
+            checked = plain_elements(seeds.matlab_file(raw), Path("a.mat"))
+        except BoxFileError as error:
+            assert "a damaged one" in str(error)  # noqa: PT017 - some are harmless
+        else:
+            read_matlab(checked)
+
+
+def read_matlab(raw: bytes) -> object:
+    from scipy.io import loadmat
+
+    with contextlib.suppress(Exception):
+        return loadmat(io.BytesIO(raw), squeeze_me=True, struct_as_record=False)
+    return None
+
+
 def test_matlab_results_pass_unpacked() -> None:
     plain = seeds.matlab_file(seeds.matlab_result())
     packed = seeds.matlab_file(seeds.matlab_result(), packed=True)
@@ -143,8 +166,8 @@ def test_matlab_results_pass_unpacked() -> None:
 
 def _nested(depth: int) -> bytes:
     inner = seeds.matlab_array(6, (1, 1), b"", seeds.matlab_element(9, bytes(8)))
-    for _ in range(depth):
-        inner = seeds.matlab_array(1, (1, 1), b"", inner)
+    for left in range(depth, 0, -1):
+        inner = seeds.matlab_array(1, (1, 1), b"results" if left == 1 else b"", inner)
     return inner
 
 
