@@ -189,7 +189,7 @@ def _name_fault(info: zipfile.ZipInfo) -> str:
     parts = name.rstrip("/").split("/")
     if "\\" in name or "\0" in name:
         return "a backslash or NUL in the name"
-    if PurePosixPath(name).is_absolute() or PureWindowsPath(name).drive:
+    if PurePosixPath(name).is_absolute() or any(PureWindowsPath(part).drive for part in parts):
         return "the name begins at a root or drive"
     if ".." in parts:
         return "the name leads out of its folder"

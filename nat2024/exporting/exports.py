@@ -2,7 +2,7 @@
 
 from collections.abc import Collection
 from dataclasses import replace
-from pathlib import Path
+from pathlib import Path, PureWindowsPath
 
 import msgspec
 
@@ -159,7 +159,8 @@ def _check_names(dataset: DatasetRecord, runs: list[TakenRun], folder: Path) -> 
     for run in runs:
         names += [run.name, run.own_name, run.tracker, run.manifest.run if run.manifest else "run"]
     for name in names:
-        if name in ("", ".", "..") or any(character in name for character in "/\\\0"):
+        drive = PureWindowsPath(name).drive
+        if name in ("", ".", "..") or drive or any(letter in name for letter in "/\\\0"):
             msg = f"{folder}: {name!r}, told by a manifest, is no name of a folder"
             raise ResultConflict(msg)
 

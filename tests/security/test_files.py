@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+import json
 import pickle
 import struct
 import zipfile
@@ -126,6 +127,24 @@ def test_vast_tables_of_contents(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     raw = seeds.archive({f"T/{number}.txt": b"" for number in range(100)})
     with pytest.raises(DatasetNotFound, match="table of contents"):
         archives.open_archive(write(tmp_path / "vast.zip", raw))
+
+
+@pytest.mark.parametrize("name", ["a/C:x.txt", "C:/x.txt", "a/../x.txt", "/x.txt", "a\\x.txt"])
+def test_names_in_archives_lead_nowhere(name: str, tmp_path: Path) -> None:
+    with pytest.raises(DatasetIncomplete, match="refused"):
+        archives.open_archive(write(tmp_path / "names.zip", seeds.archive({name: b"1"})))
+
+
+@pytest.mark.parametrize("name", ["../x", "C:x", "a\\b", ""])
+def test_exports_never_leave_their_folder(name: str, tmp_path: Path) -> None:
+    from nat2024.exporting import export_results
+
+    write(tmp_path / "in" / "T" / "a.txt", b"1,2,3,4\n")
+    manifest = {"dataset": {"name": name}, "tracker": {"name": "t"}}
+    write(tmp_path / "in" / "T" / "run.json", json.dumps(manifest).encode())
+    with pytest.raises(ResultConflict, match="no name of a folder"):
+        export_results(tmp_path / "in", "nat-bench", tmp_path / "out")
+    assert not (tmp_path / "out").exists()
 
 
 def test_names_of_endless_folders(tmp_path: Path) -> None:

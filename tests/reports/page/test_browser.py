@@ -5,6 +5,7 @@ import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 import pytest
 
@@ -293,3 +294,13 @@ def test_without_scripts_the_scores_are_there(browser: Any, pages: Path) -> None
     assert tab.locator("table.scores").count() == 2
     assert "Scripts are switched off" in tab.locator("#static").inner_text()
     context.close()
+
+
+@pytest.mark.parametrize("value", [BAD, "__proto__", "constructor", "-1", "1e9:x:down"])
+def test_words_of_the_address_are_never_html_or_code(page: Tab, value: str) -> None:
+    single = "dataset subset protocol metric cells tracker enhancer find light run sequence frame"
+    for keys in (single.split(), ["sort", "off"], ["sequence"], ["dataset"], ["metric"]):
+        tab = page.open("hostile", "&".join(f"{key}={quote(value, safe='')}" for key in keys))
+        assert tab.locator("main").inner_text()
+        assert tab.evaluate("window.hit") is None
+        assert tab.locator("main img").count() == 0
