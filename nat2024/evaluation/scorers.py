@@ -6,6 +6,7 @@ numbers depend on: the bytes of the result, the ground truth, the protocol with 
 the code that computes them.
 """
 
+import contextlib
 import functools
 import hashlib
 import itertools
@@ -15,6 +16,7 @@ import struct
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields
+from importlib import metadata
 from pathlib import Path
 from typing import Any, Final
 
@@ -162,12 +164,12 @@ def _options(protocol: Protocol) -> dict[str, Any]:
 @functools.cache
 def computation() -> str:
     """Tells the code that makes scores of bytes from any other version of it."""
-    from nat2024 import __version__
-
     room = Path(__file__).parents[1]
     sources = [*room.glob("metrics/*.py"), *room.glob("importing/*.py"), room / "boxes.py"]
     texts = [path.read_bytes() for path in sorted([*sources, Path(__file__)]) if path.is_file()]
-    versions = [__version__, np.__version__, msgspec.__version__]
+    versions = [np.__version__, msgspec.__version__]
+    with contextlib.suppress(metadata.PackageNotFoundError):  # a checkout that is not installed
+        versions.append(metadata.version("nat-bench"))
     return digest(*versions, platform.machine(), sys.byteorder, *texts)
 
 
