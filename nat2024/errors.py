@@ -95,7 +95,7 @@ class ResultConflict(NatBenchError):
 
 
 class TrainingFailed(NatBenchError):
-    """A training whose numbers are no longer finite; its last good checkpoint is kept."""
+    """A training that cannot go on: its loss is not finite, or no loss; checkpoints are kept."""
 
 
 class TimedOut(NatBenchError):

@@ -3,9 +3,8 @@
 import contextlib
 import io
 import json
-import random
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -41,8 +40,12 @@ def write_checkpoint(path: Path, content: Mapping[str, Any]) -> None:
     write_atomic(path, stream.getvalue())
 
 
-def read_checkpoint(path: Path) -> dict[str, Any]:
+def read_checkpoint(path: Path, keys: Collection[str] = ()) -> dict[str, Any]:
     """Read a checkpoint without running code.
+
+    Args:
+        path: the file.
+        keys: what it must have besides step, network and identity.
 
     Raises:
         WeightsMismatch: it is damaged, or no checkpoint of a training.
@@ -55,8 +58,11 @@ def read_checkpoint(path: Path) -> dict[str, Any]:
         reason = str(error).split("\n", 1)[0] or type(error).__name__
         msg = f"{path}: not a readable checkpoint ({reason}); remove it to go on from an older one"
         raise WeightsMismatch(msg) from None
-    if not isinstance(content, dict) or not {"step", "network", "identity"} <= content.keys():
-        msg = f"{path}: not a checkpoint of a training"
+    if (
+        not isinstance(content, dict)
+        or not {"step", "network", "identity", *keys} <= content.keys()
+    ):
+        msg = f"{path}: not a checkpoint of a training, or of another release of nat-bench"
         raise WeightsMismatch(msg)
     return content
 
@@ -140,31 +146,3 @@ def load_into(network: "nn.Module", state: Mapping[str, Any], path: Path) -> Non
     except RuntimeError as error:
         msg = f"{path}: checkpoint of another network ({str(error).splitlines()[-1].strip()})"
         raise WeightsMismatch(msg) from None
-
-
-def random_states() -> dict[str, Any]:
-    """The states of all random numbers, as tensors and texts."""
-    import numpy as np
-    import torch
-
-    kind, keys, *rest = np.random.get_state()  # noqa: NPY002 - plugins may draw from it
-    return {
-        "torch": torch.get_rng_state(),
-        "cuda": torch.cuda.get_rng_state_all() if torch.cuda.is_available() else [],
-        "numpy": [kind, torch.from_numpy(np.array(keys, dtype=np.int64)), *rest],
-        "python": json.dumps(random.getstate()),
-    }
-
-
-def restore_random_states(states: Mapping[str, Any]) -> None:
-    """Go on with random numbers where `random_states` was called."""
-    import numpy as np
-    import torch
-
-    torch.set_rng_state(states["torch"])
-    if states["cuda"] and torch.cuda.device_count() == len(states["cuda"]):
-        torch.cuda.set_rng_state_all(states["cuda"])
-    kind, keys, *rest = states["numpy"]
-    np.random.set_state((kind, keys.numpy().astype(np.uint32), *rest))  # noqa: NPY002
-    version, numbers, gauss = json.loads(states["python"])
-    random.setstate((version, tuple(numbers), gauss))

@@ -3,80 +3,36 @@
 import json
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import dataclass, field
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal
 
 from nat2024.errors import InvalidOption, ResultConflict, TrainingFailed
 from nat2024.files import remove_leftovers, write_atomic
 from nat2024.training import checkpoints
+from nat2024.training.choice import BestStep
 from nat2024.training.curves import CurveFile, open_tensorboard
+from nat2024.training.interfaces import Loss, Progress, Source, TrainingReport, Validation
 from nat2024.training.optimising import Average, averaged, learning_rate, make_optimiser
+from nat2024.training.randomness import (
+    own_random_numbers,
+    random_states,
+    restore_random_states,
+    seed_all,
+)
 from nat2024.training.settings import TrainingSettings, identity_of
-from nat2024.types import closest
+from nat2024.training.terms import find_bad, numbers_of, sum_terms, to_device
 
 if TYPE_CHECKING:
     import torch
     from torch import nn
 
-Batch: TypeAlias = "Mapping[str, Any]"
-"""Tensors by name, and anything else that the loss wants to know."""
-
-Loss: TypeAlias = "Callable[[Batch], Mapping[str, torch.Tensor]]"
-"""Terms by name, each already weighted; their sum is what is minimised."""
-
-Validation: TypeAlias = "Callable[[nn.Module], Mapping[str, float]]"
-Progress: TypeAlias = "Callable[[int, str], object]"
-
 _CHECKPOINTS, _BEST = "checkpoints", "best.pt"
+_KEPT = (
+    *("optimiser", "average", "scaler", "source", "random"),
+    *("choice", "numbers", "terms", "sums", "sum"),
+)
 _LEAST_SCALE = 1.0  # gradients that overflow even below this are not finite in themselves
-
-
-class Source(Protocol):
-    """Where batches come from.
-
-    A source whose batches depend on the number of the step alone needs nothing else. One that
-    moves on with every batch has `state_dict()` and `load_state_dict(state)` too, of tensors and
-    plain values; checkpoints then hold its state.
-    """
-
-    @property
-    def steps_per_epoch(self) -> int:
-        """Steps of one round through the data, at least 1."""
-        ...
-
-    def draw(self, step: int, /) -> Batch:
-        """The batch of step `step` (0-based), tensors on the CPU."""
-        ...
-
-
-@dataclass(frozen=True, slots=True)
-class TrainingReport:
-    """What a training came to.
-
-    Attributes:
-        folder: where its checkpoints and curves are.
-        steps: steps done, those before a resume included.
-        wanted: steps of the whole training.
-        stopped: "done", "minutes" (resume to go on) or "patience".
-        resumed_from: step of the checkpoint that it went on from, 0 for a fresh start.
-        best_step: step whose validation was best, None where none was chosen by.
-        numbers: the last validation, or the best where one was chosen by.
-        terms: loss terms, means since the last row of the curve, `loss` their sum.
-        seconds: time of this run.
-    """
-
-    folder: Path
-    steps: int
-    wanted: int
-    stopped: Literal["done", "minutes", "patience"]
-    resumed_from: int = 0
-    best_step: int | None = None
-    numbers: dict[str, float] = field(default_factory=dict)
-    terms: dict[str, float] = field(default_factory=dict)
-    seconds: float = 0.0
 
 
 def train(
@@ -111,7 +67,9 @@ def train(
         device: where the network is.
 
     Raises:
-        TrainingFailed: a loss term or the gradient is not finite; names it.
+        InvalidOption: settings that do not fit together, or to the device or the validation.
+        TrainingFailed: a loss term or the gradient is not finite, or the loss does not keep its
+            contract; names it.
         ResultConflict: the folder holds a training of another configuration.
         WeightsMismatch: a checkpoint is damaged.
         Unwritable: the file system refuses; the checkpoints before stay.
@@ -119,28 +77,16 @@ def train(
     import torch
 
     devices = list(range(torch.cuda.device_count())) if torch.cuda.is_available() else []
-    with torch.random.fork_rng(devices=devices), _own_random_numbers():
-        run = _Run(network, loss, source, settings, folder, identity or {}, device)
-        run.validate, run.on_progress = validate, on_progress or (lambda _done, _what: None)
+    with torch.random.fork_rng(devices=devices), own_random_numbers():
+        run = _Run(network, loss, source, settings, folder, identity or {}, device, validate)
+        run.on_progress = on_progress or run.on_progress
         try:
             return run.go(minutes)
         finally:
             run.close()
 
 
-@contextmanager
-def _own_random_numbers() -> Iterator[None]:
-    before = checkpoints.random_states()
-    try:
-        yield
-    finally:
-        checkpoints.restore_random_states(before)
-
-
 class _Run:
-    validate: "Validation | None"
-    on_progress: Progress
-
     def __init__(
         self,
         network: "nn.Module",
@@ -150,17 +96,19 @@ class _Run:
         folder: Path,
         identity: Mapping[str, Any],
         device: str,
+        validate: "Validation | None",
     ) -> None:
         self.network, self.loss, self.source = network, loss, source
         self.settings, self.folder, self.device = settings, folder, device
+        self.validate = validate
+        self.on_progress: Progress = lambda _done, _what: None
         self.places = folder / _CHECKPOINTS
         whole = {"settings": identity_of(settings), **identity}
         self.identity = json.dumps(whole, sort_keys=True, default=str)
         self.epoch = max(source.steps_per_epoch, 1)
         self.wanted = settings.epochs * self.epoch if settings.epochs else settings.steps
         self.step = self.resumed_from = 0
-        self.best_step: int | None = None
-        self.best_value, self.unchanged = math.nan, 0
+        self.best = BestStep(settings, validate)
         self.numbers: dict[str, float] = {}
         self.sums: dict[str, float] = {}
         self.summed, self.terms = 0, dict[str, float]()
@@ -168,7 +116,7 @@ class _Run:
         self._prepare()
 
     def _prepare(self) -> None:
-        _seed(self.settings.seed)
+        seed_all(self.settings.seed)
         self.network.train()
         self.optimiser = make_optimiser(self.network, self.settings)
         decay = self.settings.average
@@ -191,7 +139,7 @@ class _Run:
             write_atomic(path, text + "\n")
 
     def _resume(self, path: Path) -> None:
-        content = checkpoints.read_checkpoint(path)
+        content = checkpoints.read_checkpoint(path, _KEPT)
         checkpoints.check_identity(path, content["identity"], self.identity)
         if content["step"] > self.wanted:
             msg = f"{path}: {content['step']} steps are done already, above the {self.wanted} asked"
@@ -205,17 +153,17 @@ class _Run:
         if hasattr(self.source, "load_state_dict"):
             self.source.load_state_dict(content["source"])
         self.step = self.resumed_from = content["step"]
-        self.best_step, self.best_value, self.unchanged = content["best"]
+        self.best.load_state_dict(content["choice"])
         self.numbers, self.sums, self.summed = content["numbers"], content["sums"], content["sum"]
         self.terms = content["terms"]
-        checkpoints.restore_random_states(content["random"])
+        restore_random_states(content["random"])
 
     def go(self, minutes: float | None) -> TrainingReport:
         """All steps that are left, or those that fit in `minutes`."""
         self.on_progress(self.step, "")
         stopped: Literal["done", "minutes", "patience"] = "done"
         while self.step < self.wanted:
-            if self._has_lost_patience():
+            if self.best.has_lost_patience:
                 stopped = "patience"
                 break
             if minutes is not None and self._seconds() >= 60 * minutes:
@@ -232,7 +180,7 @@ class _Run:
             self.wanted,
             stopped,
             self.resumed_from,
-            self.best_step,
+            self.best.step,
             self.numbers,
             self.terms,
             self._seconds(),
@@ -246,36 +194,26 @@ class _Run:
     def _seconds(self) -> float:
         return time.monotonic() - self.begun
 
-    def _has_lost_patience(self) -> bool:
-        return bool(self.settings.patience) and self.unchanged >= self.settings.patience
-
     def _do_step(self) -> None:
         import torch
 
         rate = learning_rate(self.settings, self.step, self.wanted)
         for group in self.optimiser.param_groups:
             group["lr"] = rate
-        batch = _to_device(self.source.draw(self.step), self.device)
+        batch = to_device(self.source.draw(self.step), self.device)
         self.optimiser.zero_grad(set_to_none=True)
         kind = torch.device(self.device).type
         with torch.autocast(kind, torch.float16, enabled=self.scaler is not None):
             terms = self.loss(batch)
-            total = _total(terms)
-        numbers = self._numbers_of(terms, total)
+            total = sum_terms(terms)
+        numbers = numbers_of(terms, total)
+        if bad := find_bad(numbers):
+            self._fail(bad)
         norm = self._update(total)
         if self.average is not None:
             self.average.update(self.network)
         self.step += 1
         self._sum({**numbers, "gradient": norm, "learning_rate": rate})
-
-    def _numbers_of(
-        self, terms: "Mapping[str, torch.Tensor]", total: "torch.Tensor"
-    ) -> dict[str, float]:
-        numbers = {name: float(term.detach()) for name, term in terms.items()}
-        for name, value in numbers.items():
-            if not math.isfinite(value):
-                self._fail(f"loss term {name!r} is {value}")
-        return {**numbers, "loss": float(total.detach())}
 
     def _update(self, total: "torch.Tensor") -> float:
         """Gradients and one step of the optimiser; gives the gradients' norm before the clip."""
@@ -332,40 +270,23 @@ class _Run:
 
     def _show(self, group: str, numbers: Mapping[str, float]) -> None:
         if self.board is not None:
-            for name, value in numbers.items():
-                self.board.add_scalar(f"{group}/{name}", value, self.step)
+            self.board.add(group, self.step, numbers)
 
     def _validate(self, validate: Validation) -> None:
         import torch
 
-        states = checkpoints.random_states()
-        with averaged(self.network, self.average), torch.no_grad():
+        with own_random_numbers(), averaged(self.network, self.average), torch.no_grad():
             numbers = {name: float(value) for name, value in validate(self.network).items()}
-        checkpoints.restore_random_states(states)
         self.validations.add(self.step, numbers)
         self._show("validation", numbers)
         if not self.settings.best:
             self.numbers = numbers
-        elif self._is_better(numbers):
-            self.numbers, self.best_step, self.unchanged = numbers, self.step, 0
+        elif self.best.take(self.step, numbers):
+            self.numbers = numbers
             with averaged(self.network, self.average):
                 weights = {key: value.clone() for key, value in self.network.state_dict().items()}
             content = {"step": self.step, "network": weights, "identity": self.identity}
             checkpoints.write_checkpoint(self.places / _BEST, content)
-        else:
-            self.unchanged += 1
-
-    def _is_better(self, numbers: Mapping[str, float]) -> bool:
-        name = self.settings.best.removeprefix("-")
-        if name not in numbers:
-            msg = f"training setting best={self.settings.best}: the validation has no number "
-            msg += f"{name!r}{closest(name, numbers)}; it has {', '.join(sorted(numbers))}"
-            raise InvalidOption(msg)
-        value = -numbers[name] if self.settings.best.startswith("-") else numbers[name]
-        if math.isnan(value) or value <= self.best_value:
-            return False
-        self.best_value = value
-        return True
 
     def _keep(self) -> None:
         average, scaler = self.average, self.scaler
@@ -377,8 +298,8 @@ class _Run:
             "average": None if average is None else average.state_dict(),
             "scaler": None if scaler is None else scaler.state_dict(),
             "source": self.source.state_dict() if hasattr(self.source, "state_dict") else None,
-            "random": checkpoints.random_states(),
-            "best": [self.best_step, self.best_value, self.unchanged],
+            "random": random_states(),
+            "choice": self.best.state_dict(),
             "numbers": self.numbers,
             "terms": self.terms,
             "sums": self.sums,
@@ -390,23 +311,12 @@ class _Run:
 
     def _choose_weights(self) -> None:
         path = self.places / _BEST
-        if self.best_step is not None and path.exists():
+        if self.best.step is not None and path.exists():
             state = checkpoints.read_checkpoint(path)["network"]
         else:
             state = self.average.mean if self.average is not None else {}
         self.network.load_state_dict(state or self.network.state_dict())
         self.network.eval()
-
-
-def _seed(seed: int) -> None:
-    import random
-
-    import numpy as np
-    import torch
-
-    torch.manual_seed(seed)
-    np.random.seed(seed % 2**32)  # noqa: NPY002 - plugins may draw from it
-    random.seed(seed)
 
 
 def _scaler(settings: TrainingSettings, device: str) -> "torch.amp.GradScaler | None":
@@ -418,23 +328,3 @@ def _scaler(settings: TrainingSettings, device: str) -> "torch.amp.GradScaler | 
         msg = f"training setting mixed_precision=true is for CUDA, not {device}"
         raise InvalidOption(msg)
     return torch.amp.GradScaler("cuda")
-
-
-def _total(terms: "Mapping[str, torch.Tensor]") -> "torch.Tensor":
-    values = list(terms.values())
-    if not values:
-        msg = "the loss has no terms; return at least one, by its name"
-        raise TrainingFailed(msg)
-    total = values[0]
-    for value in values[1:]:
-        total = total + value
-    return total
-
-
-def _to_device(batch: Batch, device: str) -> Batch:
-    import torch
-
-    return {
-        name: value.to(device, non_blocking=True) if isinstance(value, torch.Tensor) else value
-        for name, value in batch.items()
-    }

@@ -1,19 +1,26 @@
 """Numbers that tell how good an enhancer is: measures of held-out pictures, and tracking itself."""
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 
 from nat2024.engine.one_pass import track_sequence
 from nat2024.interfaces import Enhancer
-from nat2024.measures.enhancement import mean_measures, measure_enhancement
+from nat2024.measures.enhancement import (
+    EnhancementMeasures,
+    mean_measures,
+    measure_enhancement,
+)
 from nat2024.measures.pixels import grey
 from nat2024.metrics import evaluate_boxes
 from nat2024.registry import create_tracker
 from nat2024.types import Image, Sequence
 
 _DARK = 0.15
+_LIKENESS = ("psnr", "ssim")  # of before and after, which says nothing of quality
+_MEASURES = tuple(one.name for one in fields(EnhancementMeasures) if one.name not in _LIKENESS)
+_SCORES = ("success", "precision", "success_gain")
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,9 +43,15 @@ class EnhancerValidation:
     """Measures an enhancer as it is now."""
 
     enhancer: Enhancer
-    pictures: Iterable[Image] = ()
+    pictures: Collection[Image] = ()
     tracking: Tracking | None = None
     _plain: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the numbers that a call gives."""
+        measures = ("dark_lift", *_MEASURES) if self.pictures else ()
+        return (*measures, *(() if self.tracking is None else _SCORES))
 
     def __call__(self, _network: object) -> dict[str, float]:
         """The means over pictures by the names of the measures, and scores of tracking.
@@ -53,7 +66,7 @@ class EnhancerValidation:
         for picture in self.pictures:
             after = self.enhancer.enhance(picture)
             row = measure_enhancement(picture, after).as_row()
-            rows.append({name: row[name] for name in row if name not in ("psnr", "ssim")})
+            rows.append({name: row[name] for name in _MEASURES})
             levels, new = grey(picture), grey(after)
             dark = (levels < _DARK) & (levels > 0)
             if dark.any():

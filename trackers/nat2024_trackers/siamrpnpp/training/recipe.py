@@ -25,6 +25,7 @@ from nat2024_trackers.siamrpnpp.training.settings import PairSettings
 
 _AHEAD = 16
 _CHECK_SEED = 99
+_CHECKS = ("overlap", "found", "slope", "bias")
 
 
 def make_pair_source(
@@ -150,11 +151,16 @@ class PairValidation:
             for kind in kinds
         }
 
+    @property
+    def names(self) -> list[str]:
+        """Names of the numbers that a call gives."""
+        return [f"{kind}_{name}" for kind in self.pairs for name in _CHECKS]
+
     def __call__(self, network: torch.nn.Module) -> dict[str, float]:
         """`KIND_overlap`, `KIND_found`, `KIND_slope` and `KIND_bias`, see `PairCheck`."""
         numbers = {}
         for kind, pairs in self.pairs.items():
             check = check_pairs(network, pairs)
-            for name in ("overlap", "found", "slope", "bias"):
+            for name in _CHECKS:
                 numbers[f"{kind}_{name}"] = float(getattr(check, name))
         return numbers
