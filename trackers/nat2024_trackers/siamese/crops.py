@@ -70,8 +70,9 @@ def mean_color(image: Image) -> npt.NDArray[np.uint8]:
     import cv2
 
     # Sums of whole numbers are exact, so this is the mean that numpy takes 90 times as long for.
-    sums = np.array(cv2.sumElems(image)[:3])
-    return (sums / (image.shape[0] * image.shape[1])).astype(np.uint8)
+    sums = np.array(cv2.sumElems(image)[:3], dtype=np.float64)
+    mean: npt.NDArray[np.float64] = sums / (image.shape[0] * image.shape[1])
+    return mean.astype(np.uint8)
 
 
 def crop(image: Image, target: Target, side: int, size: int, fill: npt.NDArray[np.uint8]) -> Image:
