@@ -40,7 +40,7 @@ _LIGHT = {
         "Spread of light around the target in stops, median",
     ),
     "luminance": ("Luminance", 3, "Mean grey level of the frame, 0 to 1, median"),
-    "target_luminance": ("Luminance of the target", 1, "Mean grey level in the box, 0 to 255"),
+    "target_luminance": ("Luminance of the target", 3, "Mean grey level in the box, 0 to 1"),
 }
 _TRACES = {
     "mean": ("Luminance of the frame", "Mean, 0..1"),
@@ -48,13 +48,13 @@ _TRACES = {
     "target_spread": ("Unevenness of light around the target", "Stops"),
 }
 _LOSSES = {
-    "first_loss": ("first loss", 0, "Frame at which the target is lost for the first time"),
+    "first_loss": ("first loss", 0, "Frame in which the first loss begins, from 0"),
     "losses": ("losses", 0, "How often the target is lost"),
     "lost": ("frames lost", 0, "Frames in losses"),
     "recoveries": ("recoveries", 0, "Losses after which the boxes overlap again"),
     "drift": ("drift px/frame", 2, "Growth of the centre error before the first loss"),
     "longest": ("longest", 0, "Frames in the longest span without a loss"),
-    "luminance_at_loss": ("light", 1, "Mean grey around the target at the first loss, 0 to 255"),
+    "luminance_at_loss": ("luminance", 3, "Mean grey level around the target then, 0 to 1"),
     "unevenness_at_loss": ("uneven light", 2, "Spread of light around the target then, in stops"),
     "over_enhancement_at_loss": (
         "over-enhanced",
@@ -356,7 +356,7 @@ def _failures(evidence: "Evidence") -> "FailureTable":
     from nat2024_reports.page import FailureTable
 
     rows = evidence.failures()
-    lost = rows[rows["first_loss"].notna()].assign(first_loss=lambda t: t["first_loss"] + 1)
+    lost = rows[rows["first_loss"].notna()]
     return FailureTable(tuple(_columns(_LOSSES, lost)), lost.reset_index(drop=True))
 
 

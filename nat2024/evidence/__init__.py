@@ -32,12 +32,12 @@ for sequence in evidence.sequences:               # those that any run of the ev
 Columns of `failures()`: `run`, `tracker`, `enhancer`, `sequence`, `frames` (that count), `absent`
 (that do not), `first_loss` (0-based frame number, NA if never lost), `losses`, `lost` (frames),
 `recoveries`, `drift` (pixels a frame before the first loss), `longest` (frames without a loss),
-`luminance_at_loss` (mean grey around the target, 0..255), `unevenness_at_loss` (stops),
+`luminance_at_loss` (mean grey around the target, 0..1), `unevenness_at_loss` (stops),
 `over_enhancement_at_loss` (0..1, share of the way to white; NaN without an enhancer, where nothing
 was bright, or where the enhancer cannot be made again).
 
 Columns of `light()`: `sequence`, `frames` (looked at), `luminance` (mean grey of the frame, 0..1),
-`unevenness` (stops, over the frame), `target_luminance` (0..255), `target_unevenness` (stops); each
+`unevenness` (stops, over the frame), `target_luminance` (0..1), `target_unevenness` (stops); each
 the median over the frames looked at. `gains_and_light` puts them beside gains.
 
 Overlaps and errors are plain geometry, whatever the protocol of the scores: the truth must be four

@@ -214,7 +214,7 @@ def _failure_row(sequence: str, track: TrackEvidence) -> dict[str, Any]:
         "recoveries": failure.recoveries,
         "drift": failure.drift,
         "longest": failure.longest,
-        "luminance_at_loss": loss.luminance if loss else nan,
+        "luminance_at_loss": loss.luminance / 255 if loss else nan,
         "unevenness_at_loss": loss.unevenness if loss else nan,
         "over_enhancement_at_loss": loss.over_enhancement if loss else nan,
     }
@@ -228,6 +228,6 @@ def _light_row(sequence: str, light: LightTrace) -> dict[str, Any]:
             "frames": int(np.isfinite(light.mean).sum()),
             "luminance": float(np.nanmedian(light.mean)),
             "unevenness": float(np.nanmedian(light.spread)),
-            "target_luminance": float(np.nanmedian(light.target)),
+            "target_luminance": float(np.nanmedian(light.target)) / 255,
             "target_unevenness": float(np.nanmedian(light.target_spread)),
         }

@@ -25,7 +25,7 @@ class _Shown:
 
 
 _LIGHT = {
-    "luminance_at_loss": _Shown("Grey at loss", ".1f"),
+    "luminance_at_loss": _Shown("Grey at loss", ".3f"),
     "unevenness_at_loss": _Shown("Uneven at loss", ".2f"),
     "over_enhancement_at_loss": _Shown("Over enh.", ".3f"),
 }
@@ -154,7 +154,7 @@ def _columns(headings: Iterable[str], shown: Mapping[str, _Shown]) -> tuple[Colu
 def _explained() -> list[str]:
     return [
         "drift: growth of the centre error in px a frame before the loss",
-        "grey: 0..255 around the target; uneven: spread of light around it in stops",
+        "grey: mean level around the target, 0..1; uneven: spread of light around it in stops",
         "over enh.: how far bright parts of the search region were taken towards white, 0..1",
     ]
 

@@ -178,7 +178,7 @@ def _protocol(
     for name in _defined(table):
         grid: list[list[float | None]] = [[None] * len(places) for _ in numbers]
         for row, column, value in zip(rows, columns, table[name], strict=True):
-            grid[row][column] = plain(value, 4)
+            grid[row][column] = plain(value)
         by_sequence[name] = grid
     return {
         "title": scores.title,

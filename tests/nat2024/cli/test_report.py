@@ -1,5 +1,7 @@
 """`nat-bench report`: from a folder of results to one page."""
 
+import csv
+import io
 import json
 import re
 import shutil
@@ -63,6 +65,22 @@ def test_one_page_with_everything(cli: Any, results: Path, clip: Path, tmp_path:
     html = path.read_text()
     assert html.count("data:image/jpeg;base64,") >= 3
     assert dataset["light"][0]["key"] == "unevenness"
+
+
+def test_frames_have_the_numbers_that_tables_give_them(cli: Any, tmp_path: Path) -> None:
+    long, size = tmp_path / "long", ("--sequences", "1", "--size", "160x96")
+    assert cli("dataset", "synthesize", long, "--frames", "16", *size)[0] == 0
+    (truth,) = (long / "anno").glob("*.txt")
+    boxes = read_boxes(truth)
+    boxes[5:, 0] += 10_000
+    write_boxes(tmp_path / "results" / "long" / "mine" / truth.name, boxes)
+    words = ("--results", tmp_path / "results", "--dataset", long)
+    assert cli("report", *words, "--out", tmp_path / "out")[0] == 0
+    (row,) = data_of(tmp_path / "out")["datasets"][0]["failures"]["rows"]
+    _, text, _ = cli("table", *words, "--layout", "losses", "--format", "csv")
+    table = list(csv.DictReader(io.StringIO(text)))
+    assert [row["first_loss"], *(float(one["first_loss"]) for one in table)] == [5, 5]
+    assert 0 < row["luminance_at_loss"] < 1
 
 
 def test_the_same_bytes_again(cli: Any, results: Path, clip: Path, tmp_path: Path) -> None:

@@ -72,7 +72,8 @@ def test_losses_light_and_thumbnails_are_gathered(results: tuple[Dataset, Path])
     lost = table.loc[("mosse+gamma", "narrow")]
     assert (lost["first_loss"], lost["lost"], lost["recoveries"]) == (3, 5, 0)
     assert lost["enhancer"] == "gamma"
-    assert 0 < lost["luminance_at_loss"] < 255
+    assert 0 < lost["luminance_at_loss"] < 1
+    assert 0 < evidence.light()["target_luminance"].max() < 1
     assert lost["unevenness_at_loss"] >= 0
     track = evidence["narrow"].tracks["mosse+gamma"]
     assert track.overlap[:3].tolist() == [1, 1, 1]

@@ -20,7 +20,7 @@ COLUMNS = {
     "recoveries": [1, 0, 0, 0],
     "drift": [1.5, NAN, NAN, NAN],
     "longest": [50, 280, 100, 300],
-    "luminance_at_loss": [20.0, 30.0, NAN, NAN],
+    "luminance_at_loss": [0.2, 0.3, NAN, NAN],
     "unevenness_at_loss": [0.9, 0.5, NAN, NAN],
     "over_enhancement_at_loss": [NAN] * 4,
 }
@@ -39,7 +39,7 @@ def test_a_run_is_summed_up_over_its_sequences(failures: pd.DataFrame) -> None:
     assert plain["first_loss"].value == 20
     assert plain["lost_percent"].value == pytest.approx(15.0)
     assert plain["drift"].text == "1.50"  # the sequence whose drift is not known is left out
-    assert plain["luminance_at_loss"].text == "25.0"
+    assert plain["luminance_at_loss"].text == "0.250"
     assert plain["over_enhancement_at_loss"].text == "-"
     assert (enhanced["losses"].text, enhanced["first_loss"].text) == ("0", "-")
     assert enhanced["Enhancer"].text == "<e>"

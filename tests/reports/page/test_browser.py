@@ -209,7 +209,9 @@ def test_a_sequence_by_keyboard_and_back(page: Tab) -> None:
     tab.locator(".timeline").focus()
     tab.keyboard.press("Home")
     tab.keyboard.press("ArrowRight")
-    assert tab.locator(".reading-line").inner_text().startswith("Frame 2: ")
+    assert (
+        tab.locator(".reading-line").inner_text().startswith("Frame 1: ")
+    )  # counted from 0, as in tables and files
     tab.keyboard.press("Escape")
     assert page.words == ""
     focused = tab.evaluate("document.activeElement.dataset.focus")
@@ -235,6 +237,12 @@ def test_a_link_to_nothing_says_so(page: Tab) -> None:
     tab = page.open(words="sequence=%3Cb%3Egone&dataset=none&sort=scores&metric=x&frame=z")
     assert "There is no sequence <b>gone in night." in tab.locator("#view").inner_text()
     assert len(page.column("scores", 2)) == 6
+
+
+def test_correlation_counts_a_sequence_once(page: Tab) -> None:
+    caption = page.open().locator("#title-light ~ figure figcaption").inner_text()
+    assert "over 3 sequences, gains averaged over the runs shown: " in caption
+    assert "(too few to tell)" in caption
 
 
 def test_light_and_dark(page: Tab) -> None:

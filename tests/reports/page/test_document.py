@@ -113,6 +113,13 @@ def test_the_main_table_is_there_without_scripts(small_page: Page) -> None:
     assert "one remark" in before_scripts
 
 
+def test_scores_of_sequences_are_rounded_once(small_page: Page) -> None:
+    small_page.datasets[0].protocols[0].per_sequence.loc[0, "success_auc"] = 0.24751
+    first, _ = page_payload(small_page)
+    grid = first["datasets"][0]["protocols"][0]["bySequence"]["success_auc"]
+    assert f"{grid[0][0]:.3f}" == "0.248"  # of four decimals, 0.2475, it would be 0.247
+
+
 def test_numbers_are_those_of_the_tables(small_page: Page) -> None:
     first, details = page_payload(small_page)
     night = first["datasets"][0]

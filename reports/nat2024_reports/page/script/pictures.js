@@ -14,7 +14,7 @@ function picture(view, one) {
   const [left, top, width, height] = one.window;
   const run = view.dataset.runs[one.run];
   const label = run ? labelOf(run) : "";
-  const text = `Frame ${one.frame + 1}${one.caption ? `: ${one.caption}` : ""}${label ? ` of ${label}` : ""}`;
+  const text = `Frame ${one.frame}${one.caption ? `: ${one.caption}` : ""}${label ? ` of ${label}` : ""}`;
   const boxes = view.visible.filter((shownRun) => one.boxes[shownRun.number]).map((shownRun) =>
     rectangle(one.boxes[shownRun.number], {
       class: `c${shownRun.color} d${shownRun.dash}`, "data-run": shownRun.number,
@@ -26,7 +26,7 @@ function picture(view, one) {
     boxes, one.truth && rectangle(one.truth, { class: "truth" }));
   return element("figure", {}, element("button", {
     type: "button", title: "Show this frame in the curves", "data-focus": `picture-${one.frame}`,
-    on: { click: () => choose({ frame: String(one.frame + 1) }) },
+    on: { click: () => choose({ frame: String(one.frame) }) },
   }, node), element("figcaption", {}, text));
 }
 

@@ -14,11 +14,9 @@ function againstLight(view) {
   const reading = drawn("text", { class: "reading", x: drawing.width - 8, y: 20, "text-anchor": "end" });
   for (const point of points) drawing.node.append(pointOf(point, drawing, reading));
   drawing.node.append(reading);
-  const correlation = points.length > 2 ? rankCorrelation(points) : NaN;
   const caption = element("figcaption", { class: "note" },
     "One point a sequence and enhanced run; above the line the enhancer helped. ",
-    isKnown(correlation)
-      && `Spearman\u2019s rank correlation over the ${points.length} points: ${signed(correlation, 2)}. `,
+    correlationText(meansBySequence(points)),
     "A point opens its sequence; the table of sequences has the same numbers.");
   return section("light", title, view.dataset.light.length > 1 && lightChooser(view),
     element("figure", {}, drawing.node, markerLegend(points), caption));
@@ -91,6 +89,20 @@ function scatterReason(view) {
   }
   return "No point to draw: that takes a tracker with an enhancer and the same tracker without, both shown, "
     + "on sequences with measured light.";
+}
+
+// A sequence counts once, however many runs there are: their gains on it are no independent draws.
+function meansBySequence(points) {
+  const grouped = new Map();
+  for (const point of points) grouped.set(point.sequence, [...(grouped.get(point.sequence) || []), point]);
+  return [...grouped.values()].map((same) =>
+    ({ x: same[0].x, y: same.reduce((sum, point) => sum + point.y, 0) / same.length }));
+}
+
+function correlationText(means) {
+  const correlation = means.length > 2 ? rankCorrelation(means) : NaN;
+  return isKnown(correlation) && `Spearman\u2019s rank correlation over ${means.length} sequences, `
+    + `gains averaged over the runs shown: ${signed(correlation, 2)}${means.length < 6 ? " (too few to tell)" : ""}. `;
 }
 
 function rankCorrelation(points) {

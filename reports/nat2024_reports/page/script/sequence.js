@@ -60,9 +60,9 @@ function sequenceScores(view, detail) {
       };
     }),
     ...(view.dataset.failures ? [{
-      key: "loss", title: "first loss", number: true, hint: "Frame at which the target is lost for the first time",
+      key: "loss", title: "first loss", number: true, hint: "Frame in which the first loss begins, from 0",
       value: ({ losses }) => (losses.length ? losses[0] : null),
-      cell: ({ losses }) => (losses.length ? losses[0] + 1 : MISSING),
+      cell: ({ losses }) => (losses.length ? losses[0] : MISSING),
     }] : []),
   ];
   return sortableTable(view, {

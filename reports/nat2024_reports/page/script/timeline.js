@@ -12,13 +12,12 @@ function timelines(view, detail, sequence) {
     error: decodeWords(detail.tracks[run.number].error, DATA.steps.error),
   }));
   const last = Math.max(1, sequence.frames - 1);
-  const round = ticks(0, last, Math.min(10, wideChart() / 80)).filter((value) => value > 0 && Number.isInteger(value));
-  const x = { from: 0, to: last, ticks: [0, ...round.map((value) => value - 1)], format: (value) => value + 1 };
+  const x = { from: 0, to: last, ticks: ticks(0, last, Math.min(10, wideChart() / 80)).filter(Number.isInteger) };
   const charts = [overlapChart(tracks, frames, x), errorChart(tracks, frames, x), ...lightCharts(detail.light, x)];
   const lowest = charts[charts.length - 1];
   lowest.node.append(drawn("text", { x: lowest.width / 2, y: lowest.height - 3, "text-anchor": "middle" }, "Frame"));
   const cursor = new Cursor(charts, frames, tracks);
-  if (view.state.frame) cursor.go(Number(view.state.frame) - 1);
+  if (view.state.frame) cursor.go(Number(view.state.frame));
   return element("div", {
     class: "timeline", tabindex: "0", role: "group", "data-focus": "timeline",
     "aria-label": "Overlap and error over time; left and right arrow keys move the cursor",
@@ -41,7 +40,7 @@ function overlapChart(tracks, frames, x) {
     if (!losses.length) return;
     const [a, b] = [drawing.xs(losses[0]), drawing.ys(0)];
     drawing.node.append(drawn("path", { class: `loss c${run.color}`, "data-run": run.number,
-      d: `M${a} ${b}l-4.5 -8h9z` }, drawn("title", {}, `${run.label}: first loss at frame ${losses[0] + 1}`)));
+      d: `M${a} ${b}l-4.5 -8h9z` }, drawn("title", {}, `${run.label}: first loss at frame ${losses[0]}`)));
   });
   return { ...drawing, title: "Overlap; triangles mark the first loss" };
 }
@@ -83,7 +82,7 @@ class Cursor {
       one.node.append(one.line);
       one.node.addEventListener("pointermove", (event) => this.go(this.frameAt(one, event)));
       one.node.addEventListener("click", (event) =>
-        choose({ frame: String(Math.round(this.frameAt(one, event)) + 1) }));
+        choose({ frame: String(Math.round(this.frameAt(one, event))) }));
     }
   }
 
@@ -105,7 +104,7 @@ class Cursor {
     const texts = best.map(({ run, overlap, error }) => [sample(run),
       ` ${run.label} ${shown(overlap[this.place], 2)}, ${shown(error[this.place], 1)} px; `]);
     this.reading.replaceChildren();
-    filled(this.reading, {}, [`Frame ${this.frames[this.place] + 1}: `, texts]);
+    filled(this.reading, {}, [`Frame ${this.frames[this.place]}: `, texts]);
   }
 
   press(event) {
