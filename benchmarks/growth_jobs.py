@@ -284,7 +284,12 @@ def cluster(job: Job) -> dict[str, dict[str, float]]:
     from nat2024.registry import load_plugin_file
 
     load_plugin_file(PLUGINS)
-    settings: Any = {"processes": False, "threads_per_worker": 1, "dashboard_address": ":0"}
+    settings: Any = {
+        "processes": False,
+        "threads_per_worker": 1,
+        "dashboard_address": ":0",
+        "memory_limit": 0,  # of the machine, each would get its share and stop beyond it
+    }
     local: Any = distributed.LocalCluster
     connect: Any = distributed.Client
     with local(n_workers=job["threads"], **settings) as workers, connect(workers) as client:

@@ -83,6 +83,7 @@ class Forecast:
         units: how many units of work there are.
         together: combinations that share a decoded frame, on average over decoded frames.
         unit_seconds: of the average unit.
+        serial_seconds: of them, what the command that hands it out does itself.
     """
 
     seconds: float
@@ -90,6 +91,7 @@ class Forecast:
     units: int
     together: float
     unit_seconds: float
+    serial_seconds: float
 
 
 def combinations() -> list[Combination]:
@@ -137,32 +139,37 @@ def forwards(unit: Unit) -> int:
     return len(unit.combinations) * len(unit.sequences) * longest
 
 
-def carry_out(seconds: Sequence[float], workers: int, hand_out: float = 0.0) -> float:
+def carry_out(seconds: Sequence[float], workers: int, serial: Sequence[float] = ()) -> float:
     """When the last of some units is done, each given to the first free worker in their order.
 
     Args:
         seconds: of each unit.
         workers: how many there are.
-        hand_out: seconds that one process needs for each unit, one after another.
+        serial: seconds that one process needs for each unit, one after another; none if empty.
     """
     free = [0.0] * workers
     handed = 0.0
-    for one in seconds:
-        handed = max(handed, heapq.heappop(free)) + hand_out
+    for one, needed in zip(seconds, serial or [0.0] * len(seconds), strict=True):
+        handed = max(handed, heapq.heappop(free)) + needed
         heapq.heappush(free, handed + one)
     return max(free)
+
+
+def serial_seconds(unit: Unit, rates: Rates) -> float:
+    """What the command itself does for a unit; writing one result is in `unit_ms` already."""
+    return (rates.unit_ms + (len(unit.jobs) - 1) * rates.result_ms) / 1000
 
 
 def forecast(machine: Machine, rates: Rates) -> Forecast:
     """The study on a machine, dataset by dataset, as two commands would do it."""
     total = 0.0
     units: list[Unit] = []
-    hand_out = rates.unit_ms / 1000 if machine.workers > 1 else 0.0
     for name in DATASETS:
         planned = plan(name, machine.workers, machine.batch)
         units += planned
         seconds = [forwards(unit) / machine.rate for unit in planned]
-        total += rates.start_seconds + carry_out(seconds, machine.workers, hand_out)
+        serial = [serial_seconds(unit, rates) for unit in planned] if machine.workers > 1 else ()
+        total += rates.start_seconds + carry_out(seconds, machine.workers, serial)
     decoded = sum(sum(map(len, unit.sequences)) for unit in units)
     ideal = tracked_frames() / machine.rate / machine.workers
     return Forecast(
@@ -171,6 +178,7 @@ def forecast(machine: Machine, rates: Rates) -> Forecast:
         len(units),
         tracked_frames() / decoded,
         fmean(forwards(unit) for unit in units) / machine.rate,
+        fmean(serial_seconds(unit, rates) for unit in units),
     )
 
 
@@ -202,26 +210,19 @@ def limits(machine: Machine, rates: Rates, cores: int, storage: float) -> list[L
     decoded = machine.rate / seen.together  # frames a second of each worker
     decoding = decoded * rates.decode_ms / 1000
     reading = decoded * rates.jpeg_mb
-    results = machine.rate * results_of_study() / tracked_frames()
-    writing = results * rates.result_ms / 1000
     found = [
         Limit(
-            f"one storage of {storage:,.0f} MB/s, all frames anew",
+            f"one storage of {storage:,.0f} MB/s for all",
             f"{reading:.1f} MB/s a worker",
             storage / reading,
         ),
         Limit(
-            "the process that hands out units and takes results",
-            f"{rates.unit_ms:.1f} ms a unit of {seen.unit_seconds:.0f} s",
-            1000 * seen.unit_seconds / rates.unit_ms,
+            "the command, which hands out units and writes results",
+            f"{seen.serial_seconds:.2f} s a unit of {seen.unit_seconds:.0f} s",
+            seen.unit_seconds / seen.serial_seconds,
         ),
         Limit(
-            "writing results, durably",
-            f"{rates.result_ms:.1f} ms a result",
-            1 / writing if writing else float("inf"),
-        ),
-        Limit(
-            "the last units: a tenth of the workers' time is waiting",
+            "the last units: a tenth of the time goes into waiting for them",
             f"longest sequence {max(lengths(DATASETS[0])):,} frames, batch {machine.batch}",
             busy_until(machine, rates, 0.9),
         ),
@@ -235,13 +236,14 @@ def limits(machine: Machine, rates: Rates, cores: int, storage: float) -> list[L
 
 
 def busy_until(machine: Machine, rates: Rates, share: float) -> float:
-    """The largest power of two of workers that track for at least this share of their time."""
+    """The largest power of two of workers that track for this share of what one alone does."""
 
     def busy(workers: int) -> float:
         other = Machine(machine.name, workers, machine.rate, machine.batch)
         return forecast(other, rates).busy
 
-    return float(largest_power(lambda workers: busy(workers) >= share))
+    wanted = share * busy(1)
+    return float(largest_power(lambda workers: busy(workers) >= wanted))
 
 
 def largest_power(holds: Callable[[int], bool], most: int = 4096) -> int:

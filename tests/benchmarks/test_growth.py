@@ -28,7 +28,7 @@ def test_the_study_is_that_of_the_issue():
 def test_units_go_to_the_first_free_worker():
     assert growth_study.carry_out([3, 2, 2], 2) == 4
     assert growth_study.carry_out([5, 1, 1], 2) == 5
-    assert growth_study.carry_out([1.0] * 4, 4, hand_out=0.5) == pytest.approx(3.0)
+    assert growth_study.carry_out([1.0] * 4, 4, [0.5] * 4) == pytest.approx(3.0)
 
 
 def test_one_worker_takes_as_long_as_all_frames_take():
