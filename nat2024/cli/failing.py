@@ -7,8 +7,12 @@ from nat2024.cli.progress import ProgressBar
 from nat2024.cli.scoring import Scored
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from nat2024.evidence import Evidence
     from nat2024_reports.tables import Table
+
+    Naming = Callable[[pd.DataFrame], pd.DataFrame]
 
 
 def gathered(scored: Scored) -> "Evidence":
@@ -22,20 +26,20 @@ def gathered(scored: Scored) -> "Evidence":
         )
 
 
-def failures_of(scored: Scored) -> "list[Table]":
-    """One row a run."""
+def failures_of(scored: Scored, named: "Naming") -> "list[Table]":
+    """One row a run; `named` gives trackers and enhancers the names to show."""
     from nat2024_reports.layouts.failures import failures_table
 
-    return [_table(scored, failures_table)]
+    return [_table(scored, failures_table, named)]
 
 
-def losses_of(scored: Scored) -> "list[Table]":
-    """One row for each run and sequence with a loss."""
+def losses_of(scored: Scored, named: "Naming") -> "list[Table]":
+    """One row for each run and sequence with a loss; `named` as in `failures_of`."""
     from nat2024_reports.layouts.failures import losses_table
 
-    return [_table(scored, losses_table)]
+    return [_table(scored, losses_table, named)]
 
 
-def _table(scored: Scored, make: "Callable[..., Table]") -> "Table":
+def _table(scored: Scored, make: "Callable[..., Table]", named: "Naming") -> "Table":
     evidence = gathered(scored)
-    return make(evidence.failures(), evidence.dataset, evidence.loss_frames, evidence.notes)
+    return make(named(evidence.failures()), evidence.dataset, evidence.loss_frames, evidence.notes)

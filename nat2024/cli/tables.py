@@ -38,10 +38,20 @@ class Wish:
     Attributes:
         score: the one that tables of one number show.
         intervals: show intervals of gains.
+        titles: call trackers and enhancers as papers do, else as options of the command line do.
     """
 
     score: str = "success"
     intervals: bool = False
+    titles: bool = False
+
+    def named(self, table: "pd.DataFrame") -> "pd.DataFrame":
+        """A table with its columns `tracker` and `enhancer` in the wished names."""
+        if not self.titles:
+            return table
+        names = _names(table)
+        shown = {one: table[one].astype(str).map(names) for one in ("tracker", "enhancer")}
+        return table.assign(**shown)
 
 
 def print_scores(evaluations: "Iterable[Evaluation]") -> None:
@@ -112,7 +122,7 @@ def _overall(evaluation: "Evaluation", wish: Wish) -> "list[Table]":
     from nat2024_reports.layouts import overall_table
 
     summary, gains = evaluation.summary(), evaluation.gains()
-    return [overall_table(summary, gains, intervals=wish.intervals)]
+    return [overall_table(wish.named(summary), gains, intervals=wish.intervals)]
 
 
 def _enhancers(scored: Scored, wish: Wish) -> "list[Table]":
@@ -172,8 +182,8 @@ def _groups(by: Literal["attribute", "category"]) -> "Callable[[Scored, Wish], l
             raise UsageError(msg)
         return [
             groups_table(
-                evaluation.summary(),
-                scores,
+                wish.named(evaluation.summary()),
+                wish.named(scores),
                 by,
                 evaluation.gains(by=by),
                 metric=_metric(evaluation, wish),
@@ -224,10 +234,11 @@ def _protocols(scored: Scored, wish: Wish) -> "list[Table]":
         msg = f"{scored.dataset.name}: no protocol scores these results"
         raise UsageError(msg)
     metric = SCORE_NAMES[wish.score]
-    return [protocols_table(pd.concat(found, ignore_index=True), metric=metric, base=bases[0])]
+    every = wish.named(pd.concat(found, ignore_index=True))
+    return [protocols_table(every, metric=metric, base=bases[0])]
 
 
-def _speed(scored: Scored, _wish: Wish) -> "list[Table]":
+def _speed(scored: Scored, wish: Wish) -> "list[Table]":
     from nat2024_reports.layouts import speed_table
 
     evaluation = scored.evaluation
@@ -235,7 +246,7 @@ def _speed(scored: Scored, _wish: Wish) -> "list[Table]":
     if timing.empty:
         msg = f"{evaluation.dataset}: no manifest tells how long a run took"
         raise UsageError(msg)
-    return [speed_table(evaluation.summary(), timing)]
+    return [speed_table(wish.named(evaluation.summary()), timing)]
 
 
 LAYOUTS: "dict[str, Callable[[Scored, Wish], list[Table]]]" = {
@@ -247,7 +258,7 @@ LAYOUTS: "dict[str, Callable[[Scored, Wish], list[Table]]]" = {
     "sequences": _sequences,
     "protocols": _protocols,
     "speed": _speed,
-    "failures": lambda scored, _wish: failures_of(scored),
-    "losses": lambda scored, _wish: losses_of(scored),
+    "failures": lambda scored, wish: failures_of(scored, wish.named),
+    "losses": lambda scored, wish: losses_of(scored, wish.named),
 }
 """Layouts by name, each from one dataset's scores to its tables."""

@@ -12,12 +12,13 @@ from nat2024.importing.layouts import (
     nameless_groups,
     unread_files,
 )
-from nat2024.importing.names import names_dataset, split_name
+from nat2024.importing.names import TITLES, names_dataset, split_name
 from nat2024.importing.origins import FirstRows, compare_first_rows
 from nat2024.importing.runs import ForeignRun
 
 __all__ = [
     "LAYOUTS",
+    "TITLES",
     "FirstRows",
     "ForeignRun",
     "compare_first_rows",

@@ -50,6 +50,14 @@ _ENHANCERS = {
     "tone_curve": "tone_curve",
 }
 
+TITLES = {
+    "dce": "Zero-DCE",
+    "dimp18": "DiMP-18",
+    "dimp50": "DiMP-50",
+    "prdimp50": "PrDiMP-50",
+}
+"""What papers call those that nat-bench does not have, by the names that `split_name` gives."""
+
 _OWN = re.compile(r"(?P<tracker>[^+]+)\+(?P<enhancer>[^+]+)")
 _LABEL = re.compile(r"(?P<name>[^@]+)(?P<label>@.*)?")
 

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from nat2024.cli.display_names import attribute_name
+from nat2024.cli.display_names import attribute_name, category_name
 from nat2024.cli.plotting.jobs import Drawing, Group, Job, Remark, file_name
 
 if TYPE_CHECKING:
@@ -92,7 +92,7 @@ def _curves_caption(
     ranks = [_SCORE_NAMES[score] for score in dict.fromkeys(rows.score_name)]
     words = f"{_listed(metrics).capitalize()} plots{_view_words(view)}"
     if group and group.is_category:
-        words += f" for the category {group.name}"
+        words += f" for the category {category_name(group.name)}"
     elif group:
         mark = "" if group.provenance == "published" else f" ({group.provenance})"
         words += f" for the attribute {attribute_name(group.name)}{mark}"
@@ -124,7 +124,7 @@ def _group_parts(group: Group | None) -> tuple[str, ...]:
 def _group_title(group: Group, count: int) -> str:
     unit = "sequence" if count == 1 else "sequences"
     if group.is_category:
-        return f"Category {group.name}: {count} {unit}"
+        return f"Category {category_name(group.name)}: {count} {unit}"
     marks = {"published": "", "mixed": ", partly computed"}
     mark = marks.get(group.provenance, f", {group.provenance} attribute")
     name = attribute_name(group.name)
@@ -143,7 +143,10 @@ def _draw_bars(job: Job) -> Iterator[Drawing | Remark]:
         rows = table[table.run.isin(view.looks)].reset_index(drop=True)
         words = f"Overall performance{_view_words(view)}".replace("dashed", "hollow")
         words = words.replace("solid", "filled")
-        is_grey = "Relative gains are grey where the 95 % interval includes 0"
+        is_grey = (
+            "Numbers are grey where the 95 % interval of the gain includes 0, or over fewer than "
+            "6 sequences"
+        )
         yield Drawing(
             name=file_name(job.name, "bars", view.name.lower()),
             kind="curves",
@@ -201,7 +204,8 @@ def _scores_by_group(job: Job, groups: list[Group], score: str) -> "pd.DataFrame
     for group in groups:
         summary = job.over(group.sequences).summary()
         count = int(summary.sequences.max()) if len(summary) else 0
-        label = f"{group.name}{'*' if group.is_computed else ''} ({count})"
+        name = category_name(group.name) if group.is_category else group.name
+        label = f"{name}{'*' if group.is_computed else ''} ({count})"
         for row in summary.to_dict(orient="records"):
             provenance = group.provenance
             numbers = (row["sequences"], provenance, row[score])
@@ -271,7 +275,7 @@ def _draw_gains_by(job: Job, by: str, groups: dict[str, Group]) -> Iterator[Draw
         named = job.by_run[str(run)]
         stars = ["*" if groups[name].is_computed else "" for name in rows[by]]
         labels = [
-            f"{name}{star} ({count})"
+            f"{category_name(name) if by == 'category' else name}{star} ({count})"
             for name, star, count in zip(rows[by], stars, rows.sequences, strict=True)
         ]
         drawn = rows.assign(label=labels)

@@ -51,15 +51,12 @@ def _draw_unevenness_of(
     correlations = _correlations(rows)
     name = chosen[0].enhancer
     told = correlations[UNEVEN]
-    words = (
-        f"Gain of {name} in {_SCORES[score]} against the light of each sequence; with unevenness: "
-        f"{told.text()}"
-    )
+    words = f"Gain of {name} in {_SCORES[score]} against the light of each sequence"
     yield Drawing(
         name=file_name(job.name, "unevenness", enhancer),
         kind="unevenness",
         dataset=job.name,
-        caption=job.caption(words, told.count),
+        caption=job.caption(words, told.count, after=f"Unevenness of light: {told.text()}"),
         figure=gain_against_light_figure(
             shown,
             mean_gains(rows),
@@ -113,8 +110,9 @@ def _draw_losses_of(job: Job, evidence: "Evidence", found: "SequenceEvidence") -
     bands = [_band(found.tracks[run.run], evidence.loss_frames) for run in shown]
     light = light_table(found)
     words = (
-        f"Light over {found.name} and the overlap of each run (strong: large, empty: lost, cross: "
-        f"first loss of {evidence.loss_frames} frames without overlap)"
+        f"{'Overlap' if light is None else 'Light and the overlap'} of each run over {found.name} "
+        f"(strong: large, empty: lost, cross: first loss of {evidence.loss_frames} frames without "
+        "overlap)"
     )
     return Drawing(
         name=file_name(job.name, "losses", found.name),

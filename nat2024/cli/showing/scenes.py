@@ -116,7 +116,10 @@ def telling_runs(evaluation: Evaluation, runs: Collection[str], sequence: str) -
 
 
 def looks_of_runs(runs: "Iterable[NamedRun]", every: "Iterable[NamedRun]") -> "dict[str, Look]":
-    """One colour a tracker where that tells all; else one a run, dashed without an enhancer."""
+    """One colour a tracker where that tells all; else one a run, dashed without an enhancer.
+
+    Colours are those of the other figures, unless two that are shown together would have the same.
+    """
     from dataclasses import replace
 
     from nat2024_reports.figures.looks import looks_of
@@ -126,8 +129,11 @@ def looks_of_runs(runs: "Iterable[NamedRun]", every: "Iterable[NamedRun]") -> "d
     enhancers = {run.enhancer for run in runs if not run.is_plain}
     trackers = {run.tracker for run in runs}
     if len(enhancers) <= 1 or len(trackers) == 1:
-        every = runs if len(trackers) <= len(COLOURS) else every
-        return looks_of(runs, every, by_tracker=len(enhancers) <= 1)
+        by_tracker = len(enhancers) <= 1
+        looks = looks_of(runs, every, by_tracker=by_tracker)
+        told = len({look.color for look in looks.values()})
+        wanted = len(trackers) if by_tracker else len({run.enhancer for run in runs})
+        return looks if told == wanted else looks_of(runs, runs, by_tracker=by_tracker)
     looks = looks_of(runs, every, by_tracker=True)
     return {
         run: replace(look, color=COLOURS[number % len(COLOURS)])

@@ -89,7 +89,9 @@ def command(
     if as_json:
         print_json(document(evaluations))
         return
-    tables = make_tables(scored, layout, Wish(metric, intervals))
+    tables = make_tables(
+        scored, layout, Wish(metric, intervals, titles=form in ("markdown", "latex", "html"))
+    )
     if form == "console":
         print_tables(tables)
     elif out is None:

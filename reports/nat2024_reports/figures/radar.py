@@ -74,11 +74,10 @@ def radar_figure(table: "pd.DataFrame", looks: Mapping[str, Look], *, title: str
 
 
 def _two_lines(label: str) -> str:
-    """`car (19)` with its number below, so that names at the sides stay on the page."""
+    """`traffic sign (6)` with a line a word, so that names at the sides stay on the page."""
     name, space, count = label.rpartition(" (")
-    if not space:
-        return plain_text(shortened(label, 11))
-    return f"{plain_text(shortened(name, 11))}\n({plain_text(count)}"
+    words = [plain_text(shortened(word, 11)) for word in (name if space else label).split(" ")]
+    return "\n".join([*words, *([f"({plain_text(count)}"] if space else [])])
 
 
 def _rings(axes: Any, top: float, angle: float) -> None:

@@ -95,7 +95,7 @@ def _axis_of_speed(axes: "Axes", speeds: list[float]) -> None:
     axes.xaxis.set_major_locator(LogLocator(subs=(1.0,) if wide else (1.0, 2.0, 5.0)))
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axes.xaxis.set_minor_formatter(NullFormatter())
-    axes.set_xlabel("Frames a second (enhancing and tracking)")
+    axes.set_xlabel("Frames per second (enhancing and tracking)")
     if low < REAL_TIME < high:
         axes.axvline(REAL_TIME, color=GREY, linewidth=0.8, linestyle="--", zorder=0)
         axes.annotate(

@@ -20,7 +20,7 @@ ASPECT = 4 / 3
 
 _PIXELS = 400  # width of a picture, for a print of 300 dots an inch
 _GAP = 0.03  # inches between pictures
-_LETTERS = 29  # of the name of a run over a picture
+_LEAST_SIZE = 4.0  # points, of the name of a run over a picture
 _INSET = 0.42  # width of an inset over that of its picture
 
 
@@ -106,18 +106,22 @@ def strip_figure(
 
 
 def _head(axes: "Axes", column: StripFrame) -> None:
-    """Why a column is shown, and below which run it is about."""
-    lines = ((column.reason, 0.13 if column.about else 0.03, 6.5), (column.about, 0.03, 5))
+    """Why a column is shown, and below which run it is about, no wider than the picture."""
+    room = axes.get_position().width * PAGE * 72  # points
+    about = shortened(column.about, max(5, int(room / (0.6 * _LEAST_SIZE))))
+    lines = ((column.reason, 0.13 if column.about else 0.03, 6.5), (about, 0.03, 5.0))
     for text, height, size in lines:
-        axes.text(
+        shown = axes.text(
             0.5,
             1 + height,
-            shortened(text, _LETTERS) if text is column.about else text,
+            text,
             transform=axes.transAxes,
             ha="center",
             va="bottom",
             fontsize=size,
         )
+        wide = shown.get_window_extent().width / shown.get_figure(root=True).dpi * 72
+        shown.set_fontsize(max(_LEAST_SIZE, size * min(1.0, 0.98 * room / max(wide, 1.0))))
 
 
 class _Layout:

@@ -68,7 +68,7 @@ def center_errors_figure(
         columns = 2 if len(runs) > 3 else 1
         entries = -(-len(runs) // columns)
         figure, (axes,) = panels(
-            1, width=COLUMN, height=1.6, entries=entries, title=title, headings=False
+            1, width=COLUMN, height=1.6, entries=entries, title=title, left=0.56, headings=False
         )
         for run in runs:
             rows, look = table[table.run == run], looks[run]

@@ -176,12 +176,15 @@ def comparisons(summary: "pd.DataFrame", gains: Mapping[tuple[str, str], Gain]) 
     alone = {row["tracker"]: None for row in _records(enhanced) if row["run"] not in shared}
     notes = [f"no gains of {names_of(alone)}: not run without an enhancer"] if alone else []
     fewer: dict[str, list[str]] = {}
+    plain = summary[summary.enhancer == PLAIN]
+    of_alone = dict(zip(plain.tracker, plain.sequences, strict=True))
     for row in _records(enhanced):
-        counts = shared.get(row["run"], set()) - {row["sequences"]}
+        shown = {row["sequences"]} & {of_alone.get(row["tracker"], row["sequences"])}
+        counts = shared.get(row["run"], set()) - shown
         if counts:
             fewer.setdefault(_range(counts), []).append(row["run"])
     return notes + [
-        f"gains of {names_of(runs)}: over the {count} sequences that the tracker alone has too"
+        f"gains of {names_of(runs)}: over the {count} sequences that it and the tracker alone have"
         for count, runs in fewer.items()
     ]
 

@@ -121,7 +121,15 @@ def test_gains_over_fewer_sequences_say_so(summary: Any, gains: Any) -> None:
     found = gains([("a+g", 20.0, 10.0, 30.0, True)], sequences=130)
     table = overall_table(summary(ROWS[:2]), found)
     assert table.footnotes == (
-        "gains of a+g: over the 130 sequences that the tracker alone has too",
+        "gains of a+g: over the 130 sequences that it and the tracker alone have",
+    )
+
+
+def test_a_tracker_alone_over_more_sequences_is_told(summary: Any, gains: Any) -> None:
+    found = gains([("a+g", 20.0, 10.0, 30.0, True)], sequences=130)
+    table = overall_table(summary(ROWS[:2], sequences=[135, 130]), found)
+    assert table.footnotes == (
+        "gains of a+g: over the 130 sequences that it and the tracker alone have",
     )
 
 
