@@ -8,6 +8,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import growth
+import growth_bench
 import growth_jobs
 import growth_study
 import pytest
@@ -99,7 +100,7 @@ def test_a_gpu_is_named_with_its_rate():
 
 
 def test_a_measurement_that_fails_is_a_dash(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(growth, "LIMIT", 0.01)
+    monkeypatch.setattr(growth_bench, "LIMIT", 0.01)
     bench = growth.Bench(str(tmp_path))
     assert growth.batches(bench).splitlines()[-1] == "| 4 | - | - | - |"
     assert "TimeoutExpired" in capsys.readouterr().err
