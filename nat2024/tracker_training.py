@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, runtime_checkable
 import msgspec
 
 from nat2024.datasets import load_dataset
+from nat2024.datasets.decoding import decode_image
 from nat2024.errors import DatasetIncomplete, DatasetNotFound, FrameUnreadable, UsageError
 from nat2024.files import expand
 from nat2024.registry import create_tracker, load_plugin
@@ -20,11 +21,14 @@ from nat2024.training import (
     Source,
     TrainingReport,
     TrainingSettings,
+    choose_preset,
+    digest_of,
     set_values,
     train,
     write_weights,
 )
-from nat2024.types import Boxes, FrameSource, Image, closest
+from nat2024.training.randomness import own_random_numbers, seed_all
+from nat2024.types import Boxes, FrameSource, Image
 
 if TYPE_CHECKING:
     import torch
@@ -39,7 +43,7 @@ Parts: TypeAlias = (
 )
 """Weighted terms of the loss for a batch, the batches, and the validation."""
 
-_PICTURES = frozenset({".jpg", ".jpeg", ".png", ".bmp", ".webp"})
+_PICTURES = frozenset({".jpg", ".jpeg", ".png", ".bmp"})
 
 
 @runtime_checkable
@@ -114,26 +118,35 @@ class TrackerTrainingReport:
     training: TrainingReport
 
 
+def list_presets(name: str) -> dict[str, Mapping[str, Any]]:
+    """Presets of a tracker by name, "default" always among them.
+
+    Raises:
+        UsageError: it cannot be trained.
+    """
+    return {"default": {}, **getattr(_trainable(name), "training_presets", {})}
+
+
+def _trainable(name: str) -> type[Any]:
+    cls = load_plugin(name, "tracker")
+    if not (hasattr(cls, "training_settings") and hasattr(cls, "training_parts")):
+        msg = f"{name} cannot be trained: its class has no training_settings and training_parts"
+        raise UsageError(msg)
+    return cls
+
+
 def choose_settings(
     name: str, preset: str, values: Mapping[str, Any]
 ) -> tuple[TrainingSettings, Any]:
     """Settings of the loop and of the tracker's own: a preset's, changed by values.
 
     Raises:
-        UsageError: the tracker cannot be trained, or has no such preset.
-        InvalidOption: no such setting, or a value does not fit.
+        UsageError: the tracker cannot be trained.
+        InvalidOption: no such preset or setting, or a value does not fit.
     """
-    cls = load_plugin(name, "tracker")
-    own = getattr(cls, "training_settings", None)
-    if own is None or not hasattr(cls, "training_parts"):
-        msg = f"{name} cannot be trained: its class has no training_settings and training_parts"
-        raise UsageError(msg)
-    presets: Mapping[str, Mapping[str, Any]] = getattr(cls, "training_presets", {"default": {}})
-    if preset not in presets:
-        msg = f"{name} has no preset {preset!r}{closest(preset, presets)}; "
-        msg += f"it has {', '.join(presets)}"
-        raise UsageError(msg)
-    loop, chosen = set_values((TrainingSettings(), own), {**presets[preset], **values})
+    own = _trainable(name).training_settings
+    preset_values = choose_preset(name, preset, list_presets(name))
+    loop, chosen = set_values((TrainingSettings(), own), {**preset_values, **values})
     assert isinstance(loop, TrainingSettings)
     return loop, chosen
 
@@ -143,8 +156,15 @@ def train_tracker(
     *,
     minutes: float | None = None,
     on_progress: "Callable[[int, str], object] | None" = None,
+    on_total: Callable[[int], object] = lambda _total: None,
 ) -> TrackerTrainingReport:
     """Train a tracker's network, or go on where that was stopped, and write its weights.
+
+    Args:
+        training: what, on what and how.
+        minutes: stop after so long; called again it goes on.
+        on_progress: called with (steps done since the last call, what to show).
+        on_total: called with the number of steps.
 
     Raises:
         UsageError: no material is named.
@@ -156,19 +176,22 @@ def train_tracker(
         raise UsageError(msg)
     photographs = read_photographs(training.photographs) if training.photographs else []
     clips = read_clips(training.sequences, training.root) if training.sequences else []
-    defaults = getattr(load_plugin(training.name, "tracker"), "training_options", {})
+    defaults = getattr(_trainable(training.name), "training_options", {})
     training = replace(training, options={**defaults, **training.options})
-    tracker = create_tracker(
-        training.name,
-        weights=training.start or False,
-        device=training.device,
-        **training.options,
-    )
-    assert isinstance(tracker, TrainableTracker)
     loop = training.loop
+    with own_random_numbers():
+        seed_all(loop.seed)  # of fresh weights
+        tracker = create_tracker(
+            training.name,
+            weights=training.start or False,
+            device=training.device,
+            **training.options,
+        )
+    assert isinstance(tracker, TrainableTracker)
     loss, source, validate = tracker.training_parts(
         photographs, clips, training.own, seed=loop.seed, batch_size=loop.batch_size
     )
+    on_total(loop.epochs * source.steps_per_epoch if loop.epochs else loop.steps)
     report = train(
         tracker.model,
         loss,
@@ -192,11 +215,8 @@ def read_photographs(folder: Path) -> list[Image]:
     Raises:
         DatasetNotFound: no such folder.
         DatasetIncomplete: it has no image.
-        FrameUnreadable: one cannot be decoded.
+        FrameUnreadable: one cannot be decoded; names it.
     """
-    import cv2
-    import numpy as np
-
     folder = expand(folder)
     if not folder.is_dir():
         msg = f"{folder}: no such folder of photographs"
@@ -205,15 +225,16 @@ def read_photographs(folder: Path) -> list[Image]:
     if not paths:
         msg = f"{folder}: no image in it; photographs are {', '.join(sorted(_PICTURES))} files"
         raise DatasetIncomplete(msg)
-    images = []
-    for path in paths:
-        data = np.fromfile(path, dtype=np.uint8)
-        image = cv2.imdecode(data, cv2.IMREAD_COLOR) if len(data) else None
-        if image is None:
-            msg = f"{path}: not a readable image; remove it or mend it"
-            raise FrameUnreadable(msg)
-        images.append(np.asarray(image, dtype=np.uint8))
-    return images
+    return [_read(path) for path in paths]
+
+
+def _read(path: Path) -> Image:
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        msg = f"{path}: cannot be read ({error.strerror or error})"
+        raise FrameUnreadable(msg) from None
+    return decode_image(data, str(path))
 
 
 def read_clips(source: str, root: Path | None = None) -> list[Clip]:
@@ -240,7 +261,7 @@ def _identity(training: TrackerTraining, photographs: int, clips: int) -> dict[s
         "tracker": training.name,
         "options": dict(training.options),
         "own": msgspec.to_builtins(training.own),
-        "start": str(training.start or ""),
+        "start": digest_of(training.start),
         "photographs": photographs,
         "clips": clips,
     }

@@ -5,10 +5,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
-import msgspec
 
 from nat2024.cli.output import print_json, print_table
-from nat2024.cli.progress import ProgressBar
+from nat2024.cli.training_report import Bars, print_loop, print_settings
 from nat2024.errors import NatBenchError, UsageError
 
 if TYPE_CHECKING:
@@ -17,15 +16,10 @@ if TYPE_CHECKING:
 
 def show_settings(name: str, preset: str, values: Mapping[str, Any], *, as_json: bool) -> int:
     """Print the settings that a tracker would be trained with."""
-    from nat2024.tracker_training import choose_settings
+    from nat2024.tracker_training import choose_settings, list_presets
 
     records = choose_settings(name, preset, values)
-    settings = {key: value for one in records for key, value in msgspec.to_builtins(one).items()}
-    if as_json:
-        print_json({"tracker": name, "preset": preset, "settings": settings})
-        return 0
-    rows = [[key, str(value)] for key, value in settings.items()]
-    print_table(["Setting", "Value"], rows, title=f"{name}, preset {preset}")
+    print_settings(name, "tracker", preset, list_presets(name), records, as_json=as_json)
     return 0
 
 
@@ -33,7 +27,7 @@ def training_of(
     name: str,
     preset: str,
     values: Mapping[str, Any],
-    data: str,
+    data: str | None,
     photographs: Path | None,
     **more: Any,
 ) -> "TrackerTraining":
@@ -43,16 +37,21 @@ def training_of(
         name: the tracker.
         preset: of its settings.
         values: settings that differ from it.
-        data: a dataset with boxes, or a folder of photographs.
-        photographs: a folder of photographs beside it.
+        data: a dataset with boxes, or a folder of photographs; None where those are named.
+        photographs: a folder of photographs, beside a dataset or alone.
         more: other fields of `TrackerTraining`.
 
     Raises:
-        UsageError: `data` has no boxes, and `photographs` is named besides.
+        UsageError: nothing is named, or `data` has no boxes and `photographs` is named besides.
     """
     from nat2024.tracker_training import TrackerTraining, choose_settings
 
     loop, own = choose_settings(name, preset, values)
+    if data is None:
+        if photographs is None:
+            msg = "--data is missing: a dataset with boxes, or a folder of photographs"
+            raise UsageError(msg)
+        return TrackerTraining(name, photographs=photographs, loop=loop, own=own, **more)
     sequences = data if _has_boxes(data, more.get("root")) else ""
     if not sequences and photographs is not None:
         msg = f"--data {data} has no boxes; where it is a folder of photographs leave the other out"
@@ -78,9 +77,8 @@ def run(training: "TrackerTraining", minutes: float | None, *, as_json: bool) ->
     """Train, and say what came of it."""
     from nat2024.tracker_training import train_tracker
 
-    loop = training.loop
-    with ProgressBar(loop.steps, f"training {training.name}") as progress:
-        report = train_tracker(training, minutes=minutes, on_progress=progress)
+    with Bars() as bars:
+        report = train_tracker(training, minutes=minutes, on_progress=bars, on_total=bars.begin)
     if as_json:
         print_json({"training": report})
     else:
@@ -91,12 +89,7 @@ def run(training: "TrackerTraining", minutes: float | None, *, as_json: bool) ->
 def _print(report: "TrackerTrainingReport") -> None:
     loop = report.training
     material = f"{report.photographs} photographs and {report.clips} sequences"
-    click.echo(f"{loop.steps} of {loop.wanted} steps on {material}, {loop.seconds:.0f} s")
-    if loop.stopped == "minutes":
-        click.echo("stopped for its time; the same command goes on")
-    if loop.terms:
-        rows = [[name, f"{value:.4g}"] for name, value in loop.terms.items()]
-        print_table(["Last losses", "mean"], rows)
+    print_loop(loop, material)
     if loop.numbers:
         print_table(["New pairs", "overlap", "found", "size slope", "size bias"], _rows(loop))
     click.echo(f"weights: {report.weights}")

@@ -5,9 +5,18 @@ the loop, `interfaces` what it is given, `checkpoints` what it keeps, `optimisin
 `choice` the best one, `curves` the numbers.
 """
 
-from nat2024.training.checkpoints import write_weights
+from nat2024.training.checkpoints import digest_of, write_weights
 from nat2024.training.interfaces import Source, TrainingReport
 from nat2024.training.loop import train
-from nat2024.training.settings import TrainingSettings, set_values
+from nat2024.training.settings import TrainingSettings, choose_preset, set_values
 
-__all__ = ["Source", "TrainingReport", "TrainingSettings", "set_values", "train", "write_weights"]
+__all__ = [
+    "Source",
+    "TrainingReport",
+    "TrainingSettings",
+    "choose_preset",
+    "digest_of",
+    "set_values",
+    "train",
+    "write_weights",
+]

@@ -1,6 +1,7 @@
 """What a training keeps on disk, whole or absent, and how it goes on from there."""
 
 import contextlib
+import hashlib
 import io
 import json
 import re
@@ -93,6 +94,11 @@ def _with_note(raw: bytes, note: Mapping[str, str]) -> bytes:
     text = json.dumps(header, separators=(",", ":")).encode()
     text += b" " * (-len(text) % 8)  # data begins at a multiple of 8
     return len(text).to_bytes(8, "little") + text + raw[begin:]
+
+
+def digest_of(start: Path | None) -> str:
+    """Short digest of the weights that a training starts from; empty for fresh ones."""
+    return hashlib.sha256(start.read_bytes()).hexdigest()[:16] if start else ""
 
 
 def forget_old(folder: Path, keep: int) -> None:

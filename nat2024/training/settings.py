@@ -13,6 +13,7 @@ Share = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
 Amount = Annotated[float, msgspec.Meta(ge=0.0)]
 
 _Record = TypeVar("_Record", bound=msgspec.Struct)
+_Values = TypeVar("_Values", bound=Mapping[str, Any])
 
 
 class TrainingSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -104,6 +105,24 @@ def set_values(records: Iterable[_Record], values: Mapping[str, Any]) -> tuple[_
             msg += f"; it has {', '.join(sorted(known))}"
             raise InvalidOption(msg)
     return tuple(changed)
+
+
+def choose_preset(name: str, preset: str, presets: Mapping[str, _Values]) -> _Values:
+    """The values of a preset.
+
+    Args:
+        name: of the plugin, for the message.
+        preset: its name.
+        presets: all, by name.
+
+    Raises:
+        InvalidOption: there is no such preset; names the closest.
+    """
+    if preset not in presets:
+        msg = f"{name} has no training preset {preset!r}{closest(preset, presets)}"
+        msg += f"; it has {', '.join(sorted(presets))}"
+        raise InvalidOption(msg)
+    return presets[preset]
 
 
 def _set(record: _Record, key: str, value: Any) -> _Record:

@@ -86,12 +86,56 @@ def msgspec_replace(record: Any, **values: Any) -> Any:
     return msgspec.structs.replace(record, **values)
 
 
+def test_the_seed_decides_fresh_weights_and_nothing_else(
+    tmp_path: Path, photographs: Path, night_clip: Path
+) -> None:
+    """Two trainings of one seed end alike, whatever was drawn before; torch's numbers stay."""
+    found = []
+    for number, seed in enumerate((3, 3, 4)):
+        torch.manual_seed(number)
+        one = training(tmp_path / str(number), photographs, night_clip, steps=1, seed=seed)
+        found.append(train_tracker(one).weights.read_bytes())
+        after = torch.rand(1)
+        torch.manual_seed(number)
+        assert torch.equal(after, torch.rand(1))
+    assert found[0] == found[1]
+    assert found[0] != found[2]
+
+
+def test_the_number_of_steps_is_told_and_wrong_names_before_them(
+    tmp_path: Path, photographs: Path, night_clip: Path
+) -> None:
+    totals: list[int] = []
+    one = training(tmp_path, photographs, night_clip, epochs=3)
+    train_tracker(one, minutes=0, on_total=totals.append)
+    assert totals == [750]
+    wrong = replace(one, loop=msgspec_replace(one.loop, best="clips_overlp"))
+    with pytest.raises(InvalidOption, match="no number 'clips_overlp'; closest: clips_overlap"):
+        train_tracker(wrong, minutes=0)
+
+
+def test_a_start_from_other_weights_does_not_go_on(
+    tmp_path: Path, photographs: Path, night_clip: Path
+) -> None:
+    """The content of the file counts, not its name."""
+    first = train_tracker(training(tmp_path / "a", photographs, night_clip, steps=1)).weights
+    start = tmp_path / "start.safetensors"
+    start.write_bytes(first.read_bytes())
+    one = replace(training(tmp_path / "b", photographs, night_clip, steps=1), start=start)
+    train_tracker(one)
+    moved = start.rename(tmp_path / "moved.safetensors")
+    assert train_tracker(replace(one, start=moved)).training.resumed_from == 1
+    other = train_tracker(training(tmp_path / "c", photographs, night_clip, steps=1, seed=2))
+    with pytest.raises(ResultConflict, match="start"):
+        train_tracker(replace(one, start=other.weights))
+
+
 def test_settings_of_loop_and_pairs_are_set_by_name() -> None:
     loop, own = choose_settings("siamrpnpp", "default", {"steps": "12", "scale": "0.3"})
     assert (loop.steps, loop.batch_size, own.scale) == (12, 8, 0.3)
     with pytest.raises(InvalidOption, match="no setting 'scal'; closest: scale"):
         choose_settings("siamrpnpp", "default", {"scal": 1})
-    with pytest.raises(UsageError, match="no preset 'best'"):
+    with pytest.raises(InvalidOption, match="no training preset 'best'"):
         choose_settings("siamrpnpp", "best", {})
     with pytest.raises(UsageError, match="mil cannot be trained"):
         choose_settings("mil", "default", {})
@@ -113,8 +157,14 @@ def test_bad_material_is_named(tmp_path: Path) -> None:
     with pytest.raises(DatasetIncomplete, match="no image in it"):
         read_photographs(tmp_path)
     (tmp_path / "a.jpg").write_bytes(b"no image")
-    with pytest.raises(FrameUnreadable, match=r"a\.jpg: not a readable image"):
+    with pytest.raises(FrameUnreadable, match=r"a\.jpg: no JPEG, PNG or BMP image"):
         read_photographs(tmp_path)
+    whole = cv2.imencode(".jpg", np.full((64, 64, 3), 90, np.uint8))[1].tobytes()
+    (tmp_path / "a.jpg").write_bytes(whole[:-200])  # which OpenCV would fill with grey
+    with pytest.raises(FrameUnreadable, match=r"a\.jpg: truncated"):
+        read_photographs(tmp_path)
+    (tmp_path / "a.jpg").write_bytes(whole)
+    assert [one.shape for one in read_photographs(tmp_path)] == [(64, 64, 3)]
 
 
 def test_clips_are_the_annotated_sequences(night_clip: Path) -> None:
@@ -143,3 +193,28 @@ def test_the_verb_trains_a_tracker_and_prints_its_checks(
     both = ["--data", str(photographs), "--photographs", str(photographs)]
     assert run(["train", "siamrpnpp", *both]) == 2
     assert "has no boxes" in capsys.readouterr().err
+
+
+def test_words_that_do_not_fit_are_one_line(
+    tmp_path: Path, photographs: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = ["--out", str(tmp_path)]
+    cases = {
+        ("siamrpnpp",): "--data is missing: a dataset with boxes, or a folder of photographs",
+        ("siamrpnpp", "--ablation", "--cache", "x"): "is a tracker; --cache, --ablation are for tr",
+        ("dcepp", "--photographs", str(photographs)): "an enhancer; --photographs is for training",
+    }
+    for words, message in cases.items():
+        assert run(["train", *words, *out]) == 2
+        error = capsys.readouterr().err
+        assert message in error
+        assert error.count("\n") == 1
+
+
+def test_photographs_alone_will_do(
+    tmp_path: Path, photographs: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["train", "siamrpnpp", "--photographs", str(photographs), "--steps", "1"]
+    values = [f"--set={key}={value}" for key, value in SMALL.items()]
+    assert run([*words, *values, "--out", str(tmp_path)]) == 0
+    assert "1 of 1 steps on 2 photographs and 0 sequences" in capsys.readouterr().out

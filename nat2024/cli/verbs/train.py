@@ -9,7 +9,7 @@ import click
 from nat2024.cli import options as shared
 from nat2024.cli import training_trackers
 from nat2024.cli.output import print_json, print_table
-from nat2024.cli.progress import ProgressBar
+from nat2024.cli.training_report import Bars, check_options, print_loop, print_settings, show_number
 from nat2024.errors import UsageError
 from nat2024.registry import plugin_kind
 
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from nat2024.enhancing.training import (
         EnhancerTraining,
         EnhancerTrainingReport,
+        Spread,
         Tracking,
         Variant,
     )
@@ -37,13 +38,13 @@ _SHOWN = ("dark_lift", "mean_after", "saturated_after", "over_enhanced", "succes
 @click.option(
     "--photographs",
     type=click.Path(path_type=Path, file_okay=False),
-    help="Of trackers: images that objects are cut from, beside --data's sequences.",
+    help="For a tracker: images that objects are cut from, beside or without --data.",
 )
 @shared.root_option
 @click.option(
     "--out",
     type=click.Path(path_type=Path, file_okay=False),
-    help="Folder of the training (default: training/ENHANCER).",
+    help="Folder of the training (default: training/NAME).",
 )
 @click.option(
     "--preset", default="default", show_default=True, help="Settings to begin with; see --settings."
@@ -51,7 +52,7 @@ _SHOWN = ("dark_lift", "mean_after", "saturated_after", "over_enhanced", "succes
 @click.option("--set", "values", multiple=True, metavar="KEY=VALUE", help="A setting; repeatable.")
 @click.option("--settings", "only_settings", is_flag=True, help="Print presets and settings, stop.")
 @click.option(
-    "--opt", "opts", multiple=True, metavar="KEY=VALUE", help="Option of the enhancer; repeatable."
+    "--opt", "opts", multiple=True, metavar="KEY=VALUE", help="Option of the plugin; repeatable."
 )
 @click.option("--steps", type=click.IntRange(1), help="Steps; the same as --set steps=N.")
 @click.option("--minutes", type=click.FloatRange(0), help="Stop after so long, to go on later.")
@@ -90,7 +91,7 @@ _SHOWN = ("dark_lift", "mean_after", "saturated_after", "over_enhanced", "succes
 @shared.messages
 def command(
     name: str,
-    data: str,
+    data: str | None,
     photographs: Path | None,
     root: Path | None,
     out: Path | None,
@@ -126,7 +127,15 @@ def command(
     given |= {key: value for key, value in direct.items() if value is not None}
     if steps is not None:
         given.setdefault("epochs", 0)
-    if plugin_kind(name) == "tracker":
+    kind = plugin_kind(name)
+    of_enhancers = {
+        "--cache": cache,
+        "--validate-sequences": validate_sequences,
+        "--validate-tracker": trackers,
+        "--ablation": ablation,
+    }
+    check_options(name, kind, of_enhancers if kind == "tracker" else {"--photographs": photographs})
+    if kind == "tracker":
         if only_settings:
             return training_trackers.show_settings(name, preset, given, as_json=as_json)
         chosen = {
@@ -207,36 +216,11 @@ def _tracking(dataset: str | None, trackers: tuple[str, ...], device: str) -> "T
     return Tracking(names, chosen, shared.choose_device(device))
 
 
-class _Bars:
-    """A progress bar for each part of the work."""
-
-    def __init__(self) -> None:
-        self._bar: ProgressBar | None = None
-
-    def begin(self, total: int) -> None:
-        """The next part has so many things to do."""
-        self.end()
-        self._bar = ProgressBar(total, "")
-
-    def end(self) -> None:
-        """Close the last bar."""
-        if self._bar is not None:
-            self._bar.__exit__()
-
-    def __call__(self, done: int, what: str) -> None:
-        """Tell the bar."""
-        if self._bar is not None:
-            self._bar(done, what)
-
-
 def _run(training: "EnhancerTraining", minutes: float | None, *, as_json: bool) -> int:
     from nat2024.enhancing.training import train_enhancer
 
-    bars = _Bars()
-    try:
+    with Bars() as bars:
         report = train_enhancer(training, minutes=minutes, on_progress=bars, on_total=bars.begin)
-    finally:
-        bars.end()
     if as_json:
         print_json({"training": _document(report)})
         return 0
@@ -252,20 +236,8 @@ def _document(report: "EnhancerTrainingReport") -> dict[str, Any]:
 
 def _print(report: "EnhancerTrainingReport") -> None:
     loop = report.training
-    done = f"{loop.steps} of {loop.wanted} steps on {report.pictures} pictures"
-    if loop.resumed_from:
-        done += f", {loop.resumed_from} of them before"
-    click.echo(f"{done}, {loop.seconds:.0f} s")
-    if loop.stopped == "minutes":
-        click.echo("stopped for its time; the same command goes on")
-    elif loop.stopped == "patience":
-        click.echo("stopped since the validation got no better")
-    if loop.best_step is not None:
-        click.echo(f"weights of step {loop.best_step}, the best of the validation")
-    rows = [[name, f"{value:.4g}"] for name, value in loop.terms.items()]
-    if rows:
-        print_table(["Last losses", "mean"], rows)
-    shown = [[name, f"{loop.numbers[name]:.4f}"] for name in _SHOWN if name in loop.numbers]
+    print_loop(loop, f"{report.pictures} pictures")
+    shown = [[name, show_number(loop.numbers[name])] for name in _SHOWN if name in loop.numbers]
     if shown:
         print_table(["Validation", "mean"], shown)
     click.echo(f"weights: {report.weights}")
@@ -276,13 +248,10 @@ def _run_ablation(
 ) -> int:
     from nat2024.enhancing.training import run_ablation, spread
 
-    bars = _Bars()
-    try:
+    with Bars() as bars:
         trained = run_ablation(
             training, seeds, minutes=minutes, on_progress=bars, on_total=bars.begin
         )
-    finally:
-        bars.end()
     if as_json:
         runs = [{"variant": one.name, "seed": one.seed, **_document(one.report)} for one in trained]
         print_json({"ablation": spread(trained), "trainings": runs})
@@ -297,7 +266,7 @@ def _print_ablation(trained: "list[Variant]") -> None:
     found = spread(trained)
     shown = [name for name in _SHOWN if any(name in numbers for numbers in found.values())]
     rows = [
-        [variant] + [f"{numbers[name].mean:.3f} ±{numbers[name].deviation:.3f}" for name in shown]
+        [variant, *(_show_spread(numbers[name]) for name in shown)]
         for variant, numbers in found.items()
     ]
     seeds = len({one.seed for one in trained})
@@ -305,21 +274,14 @@ def _print_ablation(trained: "list[Variant]") -> None:
     print_table(["Variant", *shown], rows, title=title)
 
 
-def _show_settings(name: str, preset: str, values: dict[str, Any], *, as_json: bool) -> int:
-    import msgspec
+def _show_spread(one: "Spread") -> str:
+    mean, deviation = (show_number(value, ".3f") for value in (one.mean, one.deviation))
+    return mean if deviation == "-" else f"{mean} ±{deviation}"
 
+
+def _show_settings(name: str, preset: str, values: dict[str, Any], *, as_json: bool) -> int:
     from nat2024.enhancing.training import choose_settings, list_presets
 
     records = choose_settings(name, preset, values)
-    settings = {key: value for one in records for key, value in msgspec.to_builtins(one).items()}
-    presets = list(list_presets(name))
-    if as_json:
-        print_json({"enhancer": name, "preset": preset, "presets": presets, "settings": settings})
-        return 0
-    title = f"{name}, preset {preset} (of {', '.join(presets)})"
-    rows = [
-        [key, " ".join(map(str, value)) if isinstance(value, list) else str(value)]
-        for key, value in settings.items()
-    ]
-    print_table(["Setting", "Value"], rows, title=title)
+    print_settings(name, "enhancer", preset, list_presets(name), records, as_json=as_json)
     return 0

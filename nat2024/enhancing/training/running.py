@@ -14,11 +14,18 @@ from nat2024.enhancing.training.batches import PictureBatches
 from nat2024.enhancing.training.pictures import CACHE, PictureStore, Progress, find_shots
 from nat2024.enhancing.training.settings import PictureSettings
 from nat2024.enhancing.training.validation import EnhancerValidation, Tracking
-from nat2024.errors import InvalidOption, TrainingFailed, UsageError
+from nat2024.errors import TrainingFailed, UsageError
 from nat2024.interfaces import NeuralEnhancer
 from nat2024.registry import create_enhancer, load_plugin, resolve_options
-from nat2024.training import TrainingReport, TrainingSettings, set_values, train, write_weights
-from nat2024.types import closest
+from nat2024.training import (
+    TrainingReport,
+    TrainingSettings,
+    choose_preset,
+    digest_of,
+    set_values,
+    train,
+    write_weights,
+)
 
 if TYPE_CHECKING:
     from torch import nn
@@ -110,13 +117,10 @@ def choose_settings(
         InvalidOption: no such preset or setting, or a value that does not fit.
     """
     cls, presets = _trainable(name), list_presets(name)
-    if preset not in presets:
-        msg = f"{name} has no training preset {preset!r}{closest(preset, presets)}"
-        msg += f"; it has {', '.join(sorted(presets))}"
-        raise InvalidOption(msg)
+    chosen = choose_preset(name, preset, presets)
     own: msgspec.Struct = getattr(cls, "training_settings", Nothing())
     records: tuple[msgspec.Struct, ...] = (TrainingSettings(), PictureSettings(), own)
-    loop, pictures, own = set_values(records, {**presets[preset], **(values or {})})
+    loop, pictures, own = set_values(records, {**chosen, **(values or {})})
     return cast("TrainingSettings", loop), cast("PictureSettings", pictures), own
 
 
@@ -232,7 +236,6 @@ def _identity(training: EnhancerTraining, store: PictureStore) -> dict[str, Any]
     titles = "\n".join(shot.title for shot in store.shots)
     options = resolve_options(load_plugin(training.name, "enhancer"), training.options)
     ways_to_run = inspect.signature(NeuralEnhancer.__init__).parameters  # no part of the training
-    start = training.start.read_bytes() if training.start else b""
     return {
         "enhancer": training.name,
         "options": {key: options[key] for key in sorted(options) if key not in ways_to_run},
@@ -242,7 +245,7 @@ def _identity(training: EnhancerTraining, store: PictureStore) -> dict[str, Any]
             "pictures": len(store.shots),
             "titles": hashlib.sha256(titles.encode()).hexdigest()[:16],
         },
-        "start": hashlib.sha256(start).hexdigest()[:16] if start else "",
+        "start": digest_of(training.start),
     }
 
 

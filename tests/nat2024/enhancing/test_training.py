@@ -11,10 +11,12 @@ import torch
 
 from nat2024 import create_enhancer, registry
 from nat2024.cli import run
-from nat2024.cli.verbs.train import _Bars
-from nat2024.enhancing.training import PictureSettings, choose_settings
+from nat2024.cli.training_report import Bars
+from nat2024.datasets import load_dataset
+from nat2024.enhancing.training import PictureSettings, Tracking, choose_settings
 from nat2024.enhancing.training.batches import PictureBatches
 from nat2024.enhancing.training.pictures import PictureStore, find_shots, fit_picture
+from nat2024.enhancing.training.validation import EnhancerValidation
 from nat2024.training.curves import read_curve
 from nat2024.zoo import read_checkpoint
 
@@ -113,7 +115,7 @@ def test_what_was_stopped_goes_on_to_the_same_weights(data, tmp_path, monkeypatc
             raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(_Bars, "__call__", lambda _self, _done, what: stop(what))
+        patch.setattr(Bars, "__call__", lambda _self, _done, what: stop(what))
         assert train("ldenhancer", data, parts, settings=settings, steps=12) == 130
     # Threads that read ahead change nothing either.
     assert train("ldenhancer", data, parts, settings=(*settings, "workers=2"), steps=12) == 0
@@ -267,6 +269,9 @@ BAD = {
     "bad value": (["--set", "mirror=2"], "training setting mirror=2: expected `float` <= 1.0"),
     "large crop": (["--set", "crop=64"], "crop=64 is larger than size=32"),
     "tracker alone": (["--validate-tracker", "fdsst"], "needs --validate-sequences"),
+    "wrong best": (["--best", "dark_lft"], "has no number 'dark_lft'; closest: dark_lift"),
+    "best of nothing": (["--best", "success", "--set", "held_out=0"], "there is no validation"),
+    "patience": (["--set", "patience=2"], "patience=2 needs best"),
     "two branches": (["--opt", "two_branch=false"], "needs light_loss=false"),
 }
 
@@ -278,6 +283,27 @@ def test_wrong_words_are_one_line(case, data, tmp_path, capsys):
     error = capsys.readouterr().err
     assert message in error
     assert error.count("\n") == 1
+    assert not list(tmp_path.glob("run/checkpoints/*"))
+
+
+def test_names_of_the_validation_are_known_beforehand(data, night_clip):
+    pictures = [np.full((32, 32, 3), 20, np.uint8)]
+    tracking = Tracking(("fdsst",), tuple(load_dataset(night_clip))[:1])
+    for validation in (
+        EnhancerValidation(create_enhancer("gamma"), pictures),
+        EnhancerValidation(create_enhancer("gamma"), (), tracking),
+    ):
+        assert list(validation(None)) == list(validation.names)
+
+
+def test_numbers_that_are_not_there_are_a_dash(data, tmp_path, capsys):
+    """No pixel of these pictures is bright, so that none can be enhanced too much."""
+    assert train("dcepp", data, tmp_path / "run", "--ablation", steps=1) == 2
+    assert "dcepp has no variants for an ablation" in capsys.readouterr().err
+    assert train("dcepp", data, tmp_path / "run", steps=1) == 0
+    shown = capsys.readouterr().out
+    assert " ".join(["over_enhanced", "-"]) in " ".join(shown.split())
+    assert "nan" not in shown
 
 
 def test_bad_data_is_one_line(data, tmp_path, capsys):
