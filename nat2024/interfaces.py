@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol, TypeAlias, r
 import numpy as np
 
 from nat2024.backends import (
+    FASTEST_FIRST,
+    BackendName,
     BackendWish,
     ExportedPart,
     Part,
@@ -125,10 +127,12 @@ class NeuralEnhancer(Enhancer, ABC):
         stride: sides are padded up to multiples of this.
         image_order: the order in which the network sees the channels of images that `enhance`
             gets, as the authors' stand-alone test feeds them.
+        fastest_backends: what "auto" tries on a CPU, measured by `benchmarks/backend_speed.py`.
         backend: what runs the network.
     """
 
     stride: int = 1
+    fastest_backends: ClassVar[tuple[BackendName, ...]] = FASTEST_FIRST
     image_order: ClassVar[Literal["rgb", "bgr"]] = "rgb"
 
     def __init__(
@@ -160,7 +164,7 @@ class NeuralEnhancer(Enhancer, ABC):
         self.clamp = clamp
         self.channel_order = channel_order
         self.quantise: Literal["round", "truncate"] = quantise
-        backends = backends_of(backend, device, precision)
+        backends = backends_of(backend, device, precision, self.fastest_backends)
         self.backend, self.precision = backends[0], precision
         self.weights = find_weights(self.name, weights, self.card)
         model = self.build()

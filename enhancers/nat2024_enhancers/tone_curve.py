@@ -2,6 +2,7 @@
 
 from typing import TYPE_CHECKING, Any, Literal
 
+from nat2024.backends import TORCH_FIRST
 from nat2024.cards import Card
 from nat2024.interfaces import NeuralEnhancer
 from nat2024.registry import register_enhancer
@@ -35,6 +36,8 @@ class ToneCurve(NeuralEnhancer):
         size_rule="any size",
         state="weights are fitted: nat-bench enhance --fit-curve FILE.safetensors",
     )
+
+    fastest_backends = TORCH_FIRST
 
     def __init__(self, *, image_order: Literal["rgb", "bgr"] = "rgb", **base: Any) -> None:
         """Load the curve; `base` as in `NeuralEnhancer`.

@@ -9,7 +9,9 @@ from nat2024.backends.files import ExportedPart, write_onnx
 from nat2024.backends.parts import CompiledPart, Part, Recorder, compile_parts
 from nat2024.backends.runtimes import (
     BACKENDS,
+    FASTEST_FIRST,
     PRECISIONS,
+    TORCH_FIRST,
     BackendName,
     BackendWish,
     Precision,
@@ -19,7 +21,9 @@ from nat2024.backends.runtimes import (
 
 __all__ = [
     "BACKENDS",
+    "FASTEST_FIRST",
     "PRECISIONS",
+    "TORCH_FIRST",
     "BackendName",
     "BackendWish",
     "CompiledPart",

@@ -1,8 +1,11 @@
 """From a part of a PyTorch network to an ONNX file, kept under a hash of what it was made of."""
 
 import contextlib
+import functools
 import hashlib
 import inspect
+import logging
+import os
 import tempfile
 import warnings
 from collections.abc import Callable, Iterator, Sequence
@@ -12,10 +15,14 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
+from nat2024.errors import Unwritable
 from nat2024.files import write_atomic
-from nat2024.keeping import cache_folder
+from nat2024.keeping import cache_folder, trim
+
+log = logging.getLogger("nat2024")
 
 OPSET = 17
+_MOST_BYTES = 4 * 10**9
 _PLAIN = torch.contiguous_format
 _DYNAMIC_AXES = {0: "images", 2: "height", 3: "width"}
 
@@ -33,7 +40,7 @@ class _Part(nn.Module):
         return self.run(*inputs)
 
 
-def exported_file(
+def exported(
     module: nn.Module,
     run: Callable[..., Any],
     name: str,
@@ -41,7 +48,7 @@ def exported_file(
     *,
     dynamic: bool,
     anew: bool = False,
-) -> Path:
+) -> Path | bytes:
     """The ONNX file of a part; exported where the cache does not hold it.
 
     Args:
@@ -53,15 +60,38 @@ def exported_file(
         anew: export again even where the cache holds it.
 
     Returns:
-        A file in `cache_folder()`. Nothing is promised about it but its name's hash: hold its
-        outputs against PyTorch.
+        A file in `cache_folder()`, or its bytes where nothing can be written there. Nothing is
+        promised about it but its name's hash: hold its outputs against PyTorch.
     """
     shapes = "any" if dynamic else "-".join("x".join(map(str, one.shape)) for one in examples)
     digest = _digest(module, f"{name} {shapes}")
     path = cache_folder() / "onnx" / f"{type(module).__name__}-{name}-{digest[:24]}.onnx"
-    if anew or not path.is_file():
-        write_atomic(path, export_onnx(module, run, examples, dynamic=dynamic))
+    if not anew and _is_kept(path):
+        return path
+    raw = export_onnx(module, run, examples, dynamic=dynamic)
+    try:
+        write_atomic(path, raw, durable=False)
+    except Unwritable as error:
+        _tell_once(f"{error}; networks are exported anew each time")
+        return raw
+    trim(path.parent, _MOST_BYTES)
     return path
+
+
+def _is_kept(path: Path) -> bool:
+    """Whether the cache holds a file, which is then noted as used."""
+    try:
+        is_kept = path.is_file()
+    except OSError:  # nobody may look into the folder
+        return False
+    with contextlib.suppress(OSError):
+        os.utime(path)
+    return is_kept
+
+
+@functools.cache
+def _tell_once(message: str) -> None:
+    log.warning("%s", message)
 
 
 def export_onnx(
@@ -125,7 +155,8 @@ def _digest(module: nn.Module, what: str) -> str:
         digest.update(f"{name} {type(one).__qualname__} {_settings(one)}".encode())
     for kind in sorted({type(one) for one in module.modules()}, key=lambda cls: cls.__qualname__):
         if not kind.__module__.startswith("torch."):
-            digest.update(inspect.getsource(kind).encode())
+            with contextlib.suppress(OSError, TypeError):  # typed in, not read from a file
+                digest.update(inspect.getsource(kind).encode())
     for key, tensor in module.state_dict().items():
         digest.update(f"{key} {tuple(tensor.shape)} {tensor.dtype}".encode())
         digest.update(tensor.detach().cpu().contiguous().numpy().tobytes())

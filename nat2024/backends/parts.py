@@ -154,14 +154,14 @@ class CompiledPart:
         return problem
 
     def _open(self, inputs: "Sequence[torch.Tensor]", *, anew: bool) -> Session:
-        from nat2024.backends.exporting import exported_file
+        from nat2024.backends.exporting import exported
 
-        path = exported_file(
+        network = exported(
             self.module, self.part.run, self.name, inputs, dynamic=self._is_dynamic, anew=anew
         )
         return open_session(
             self.backend,
-            path,
+            network,
             device=self.device,
             threads=self._threads,
             precision=self.precision,

@@ -32,17 +32,16 @@ _PACKAGES: dict[BackendName, str] = {
     "openvino": "openvino",
     "tensorrt": "onnxruntime",
 }
-_EXTRAS: dict[BackendName, str] = {
-    "onnxruntime": "onnx",
-    "openvino": "openvino",
-    "tensorrt": "tensorrt",
-}
 _PROVIDERS = {"cuda": "CUDAExecutionProvider", "tensorrt": "TensorrtExecutionProvider"}
-_FASTEST_FIRST: dict[str, tuple[BackendName, ...]] = {
-    # Fixed, not timed: the same installation must always give the same bytes.
-    "cpu": ("openvino", "onnxruntime", "torch"),
-    "cuda": ("tensorrt", "torch"),
-}
+
+# Fixed orders, not timed ones: the same installation must always give the same bytes.
+FASTEST_FIRST: tuple[BackendName, ...] = ("openvino", "onnxruntime", "torch")
+"""What "auto" tries on a CPU, for networks that tell no order of their own."""
+
+TORCH_FIRST: tuple[BackendName, ...] = ("torch", "onnxruntime", "openvino")
+"""Likewise for networks so small that PyTorch is the fastest."""
+
+_FASTEST_ON_CUDA: tuple[BackendName, ...] = ("tensorrt", "torch")
 
 
 def is_installed(backend: BackendName, device: str) -> bool:
@@ -51,7 +50,7 @@ def is_installed(backend: BackendName, device: str) -> bool:
         return False
     if backend != "torch" and importlib.util.find_spec("onnx") is None:
         return False  # the export needs it
-    kind = device.partition(":")[0]
+    kind = _kind(device)
     if backend == "openvino":
         return kind == "cpu"
     if backend == "tensorrt":
@@ -68,9 +67,18 @@ def _providers() -> list[str]:
 
 
 def backends_of(
-    wish: BackendWish, device: str, precision: Precision = "float32"
+    wish: BackendWish,
+    device: str,
+    precision: Precision = "float32",
+    fastest: Sequence[BackendName] = FASTEST_FIRST,
 ) -> tuple[BackendName, ...]:
     """The backends to try for a wish, in their order; more than one only for "auto".
+
+    Args:
+        wish: a backend, or "auto".
+        device: where the network runs.
+        precision: what the backend computes in.
+        fastest: what "auto" tries on a CPU, in this order.
 
     Raises:
         UsageError: no such backend or precision, the backend is not installed or cannot run on
@@ -80,13 +88,11 @@ def backends_of(
         msg = f"precision {precision!r} is none of {', '.join(PRECISIONS)}"
         raise UsageError(msg)
     if wish == "auto":
-        names = _FASTEST_FIRST[device.partition(":")[0]]
+        names = _FASTEST_ON_CUDA if _kind(device) == "cuda" else fastest
         found = tuple(n for n in names if is_installed(n, device) and _can(n, precision))
         if found:
             return found
-        msg = (
-            f"no backend here computes in {precision}; pip install 'nat-bench[openvino]' brings one"
-        )
+        msg = f"no backend here computes in {precision} on {device}; {_remedy('openvino', device)}"
         raise UsageError(msg)
     if wish not in BACKENDS:
         msg = f"backend {wish!r} is none of auto, {', '.join(BACKENDS)}"
@@ -97,10 +103,27 @@ def backends_of(
     if not is_installed(wish, device):
         msg = (
             f"backend {wish} is not installed for device {device}; "
-            f"pip install 'nat-bench[{_EXTRAS.get(wish, wish)}]', or take backend torch"
+            f"{_remedy(wish, device)}, or take backend torch"
         )
         raise UsageError(msg)
     return (wish,)
+
+
+def _remedy(backend: BackendName, device: str) -> str:
+    """What makes a backend run on a device, or that nothing does."""
+    if backend == "openvino":
+        on_cpu = "pip install 'nat-bench[onnx,openvino]' brings openvino"
+        return on_cpu if _kind(device) == "cpu" else "openvino runs on device cpu only"
+    if backend == "tensorrt" and _kind(device) == "cpu":
+        return "it runs on device cuda only"
+    if _kind(device) == "cuda":
+        tensorrt = " and NVIDIA's TensorRT" if backend == "tensorrt" else ""
+        return f"it needs 'nat-bench[onnx]' with onnxruntime-gpu{tensorrt}"
+    return "pip install 'nat-bench[onnx]'"
+
+
+def _kind(device: str) -> str:
+    return device.partition(":")[0]
 
 
 def _can(backend: BackendName, precision: Precision) -> bool:
@@ -108,12 +131,17 @@ def _can(backend: BackendName, precision: Precision) -> bool:
 
 
 def open_session(
-    backend: BackendName, path: Path, *, device: str, threads: int, precision: Precision
+    backend: BackendName,
+    network: Path | bytes,
+    *,
+    device: str,
+    threads: int,
+    precision: Precision,
 ) -> Session:
-    """Open an ONNX file; whatever the runtime raises about it is let through."""
+    """Open an ONNX file, or its bytes; whatever the runtime raises about it is let through."""
     if backend == "openvino":
-        return _open_openvino(path, threads, precision)
-    return _open_onnxruntime(path, threads, _providers_for(backend, device))
+        return _open_openvino(network, threads, precision)
+    return _open_onnxruntime(network, threads, _providers_for(backend, device))
 
 
 def _providers_for(backend: BackendName, device: str) -> list[Any]:
@@ -125,14 +153,14 @@ def _providers_for(backend: BackendName, device: str) -> list[Any]:
     return [(_PROVIDERS["tensorrt"], chosen), *on_cuda] if backend == "tensorrt" else on_cuda
 
 
-def _open_onnxruntime(path: Path, threads: int, providers: list[Any]) -> Session:
+def _open_onnxruntime(network: Path | bytes, threads: int, providers: list[Any]) -> Session:
     import onnxruntime
 
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = threads
     options.inter_op_num_threads = 1
     options.log_severity_level = 3  # its warnings speak of the graph, which no user wrote
-    session = onnxruntime.InferenceSession(str(path), options, providers=providers)
+    session = onnxruntime.InferenceSession(network, options, providers=providers)
     names = [one.name for one in session.get_inputs()]
 
     def run(arrays: Sequence[Array]) -> list[Array]:
@@ -142,11 +170,12 @@ def _open_onnxruntime(path: Path, threads: int, providers: list[Any]) -> Session
     return run
 
 
-def _open_openvino(path: Path, threads: int, precision: Precision) -> Session:
+def _open_openvino(network: Path | bytes, threads: int, precision: Precision) -> Session:
     import openvino
 
-    compiled = openvino.Core().compile_model(
-        str(path),
+    core = openvino.Core()
+    compiled = core.compile_model(
+        core.read_model(network),
         "CPU",
         {
             "INFERENCE_PRECISION_HINT": {"float32": "f32", "bfloat16": "bf16"}[precision],

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
-from nat2024.backends import BackendWish, Precision, backends_of
+from nat2024.backends import FASTEST_FIRST, BackendWish, Precision, backends_of
 from nat2024.engine.sharing import SharedFrames
 from nat2024.engine.timing import TimedEnhancer
 from nat2024.errors import UsageError
@@ -163,19 +163,22 @@ def as_begun(combination: Combination, stored: Manifest | None) -> Combination:
     """A combination for a run that was begun: "auto" is the backend that it was begun with."""
     if stored is None:
         return combination
-    tracker = _spec_as_begun(combination.tracker, stored.tracker)
-    enhancer = combination.enhancer
+    device, enhancer = combination.device, combination.enhancer
+    tracker = _spec_as_begun(combination.tracker, "tracker", stored.tracker, device)
     if enhancer is not None and stored.enhancer is not None:
-        enhancer = _spec_as_begun(enhancer, stored.enhancer)
+        enhancer = _spec_as_begun(enhancer, "enhancer", stored.enhancer, device)
     return replace(combination, tracker=tracker, enhancer=enhancer)
 
 
-def _spec_as_begun(spec: PluginSpec, stored: PluginRecord) -> PluginSpec:
+def _spec_as_begun(spec: PluginSpec, kind: Kind, stored: PluginRecord, device: str) -> PluginSpec:
     if spec.options.get("backend") != "auto":
         return spec
-    return replace(
-        spec, options={**spec.options, "backend": stored.options.get("backend", "torch")}
-    )
+    begun = stored.options.get("backend", "torch")
+    fastest = getattr(load_plugin(spec.name, kind), "fastest_backends", FASTEST_FIRST)
+    precision = spec.options.get("precision", "float32")
+    if begun == backends_of("auto", device, precision, fastest)[0]:
+        return spec  # as before, what takes over from it included
+    return replace(spec, options={**spec.options, "backend": begun})
 
 
 def refuse_unused(

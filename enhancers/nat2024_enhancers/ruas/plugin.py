@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, cast
 
+from nat2024.backends import TORCH_FIRST
 from nat2024.cards import read_card
 from nat2024.errors import WeightsMismatch
 from nat2024.interfaces import NeuralEnhancer
@@ -26,6 +27,7 @@ class RUAS(NeuralEnhancer):
     """
 
     card = read_card("nat2024_enhancers.ruas")
+    fastest_backends = TORCH_FIRST
     training_settings = RUASSettings()
     training_presets: ClassVar[Mapping[str, Mapping[str, Any]]] = PRESETS
 

@@ -7,7 +7,17 @@ import pytest
 import torch
 from torch import Tensor, nn
 
-from nat2024.backends import BACKENDS, CompiledPart, Part, backends_of, is_installed, parts
+from nat2024.backends import (
+    BACKENDS,
+    TORCH_FIRST,
+    CompiledPart,
+    Part,
+    backends_of,
+    exporting,
+    is_installed,
+    parts,
+    runtimes,
+)
 from nat2024.errors import BackendMismatch, UsageError
 from nat2024.keeping import cache_folder
 
@@ -73,10 +83,51 @@ def test_is_exported_once(network: Small, backend: str, own_cache: Path) -> None
     with torch.no_grad():
         compiled(network, backend)(torch.rand(1, 3, 16, 16))
         [file] = own_cache.rglob("*.onnx")
-        written = file.stat().st_mtime_ns
+        written = file.stat().st_ino
         compiled(network, backend)(torch.rand(1, 3, 16, 16))
     assert [file] == list(own_cache.rglob("*.onnx"))
-    assert file.stat().st_mtime_ns == written
+    assert file.stat().st_ino == written
+
+
+@pytest.mark.parametrize("backend", RUNTIMES)
+def test_a_cache_that_nobody_can_write_to_stops_nothing(
+    network: Small,
+    backend: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    occupied = tmp_path / "occupied"
+    occupied.write_text("a file where a folder should be")
+    monkeypatch.setenv("NAT2024_CACHE", str(occupied))
+    exporting._tell_once.cache_clear()
+    image = torch.rand(1, 3, 16, 16)
+    with torch.no_grad(), caplog.at_level(logging.WARNING, "nat2024"):
+        for part in (compiled(network, backend), compiled(network, backend)):
+            torch.testing.assert_close(part(image)[0], network(image)[0], rtol=0, atol=1e-6)
+            assert part.backend == backend
+    assert caplog.text.count("networks are exported anew each time") == 1
+
+
+def test_the_cache_does_not_grow_without_end(
+    network: Small, own_cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(exporting, "_MOST_BYTES", 1)
+    image = torch.rand(1, 3, 16, 16)
+    with torch.no_grad():
+        kept = exporting.exported(network, network.forward, "whole", [image], dynamic=True)
+        assert isinstance(kept, Path)
+    assert list((own_cache / "onnx").iterdir()) == []
+
+
+def test_a_network_that_was_typed_in_is_exported(own_cache: Path) -> None:
+    names: dict[str, type[nn.Module]] = {"nn": nn}  # type: ignore[dict-item]
+    exec("class Typed(nn.Module):\n    def forward(self, x):\n        return 2 * x", names)
+    network = names["Typed"]().eval()
+    path = exporting.exported(
+        network, network.forward, "whole", [torch.rand(1, 3, 8, 8)], dynamic=True
+    )
+    assert path == next(own_cache.rglob("*.onnx"))
 
 
 @pytest.mark.parametrize("backend", RUNTIMES)
@@ -178,6 +229,31 @@ def test_wishes() -> None:
         backends_of("torch", "cpu", "bfloat16")
     with pytest.raises(UsageError, match="precision 'int8' is none of"):
         backends_of("torch", "cpu", "int8")  # type: ignore[arg-type]
+
+
+def test_auto_takes_a_networks_own_order(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(runtimes, "is_installed", lambda *_: True)
+    assert backends_of("auto", "cpu") == ("openvino", "onnxruntime", "torch")
+    assert backends_of("auto", "cpu", fastest=TORCH_FIRST)[0] == "torch"
+    assert backends_of("auto", "cpu", "bfloat16", TORCH_FIRST) == ("openvino",)
+    assert backends_of("auto", "cuda:1", fastest=TORCH_FIRST) == ("tensorrt", "torch")
+    assert backends_of("openvino", "cpu", fastest=TORCH_FIRST) == ("openvino",)
+
+
+def test_what_is_missing_is_told_as_it_can_be_had(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(runtimes, "is_installed", lambda *_: False)
+    for backend, device, remedy in [
+        ("openvino", "cpu", r"pip install 'nat-bench\[onnx,openvino\]'"),
+        ("openvino", "cuda", "openvino runs on device cpu only"),
+        ("onnxruntime", "cpu", r"pip install 'nat-bench\[onnx\]'"),
+        ("onnxruntime", "cuda", "with onnxruntime-gpu, or"),
+        ("tensorrt", "cpu", "runs on device cuda only"),
+        ("tensorrt", "cuda", "onnxruntime-gpu and NVIDIA's TensorRT"),
+    ]:
+        with pytest.raises(UsageError, match=remedy):
+            backends_of(backend, device)  # type: ignore[arg-type]
+    with pytest.raises(UsageError, match=r"no backend here computes in bfloat16 on cuda"):
+        backends_of("auto", "cuda", "bfloat16")
 
 
 def test_the_cache_is_the_users_unless_told(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -6,7 +6,7 @@ import msgspec
 import pytest
 
 from nat2024 import load_dataset
-from nat2024.backends import is_installed
+from nat2024.backends import is_installed, runtimes
 from nat2024.engine import combine, run_benchmark
 from nat2024.errors import ResultConflict, UsageError
 from nat2024.store import RunFolder
@@ -64,6 +64,26 @@ def test_the_manifest_says_what_auto_was_and_a_begun_run_keeps_it(
         run(night_clip, tmp_path / "torch", "openvino", "tall")
     away = abs(folder.boxes("narrow") - plain.boxes("narrow"))
     assert away.max() < 1e-3
+
+
+@needs_openvino
+def test_a_begun_run_goes_on_with_what_took_over(
+    night_clip: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object) -> object:
+        msg = "broken here"
+        raise RuntimeError(msg)
+
+    monkeypatch.setattr(runtimes, "_open_openvino", refuse)
+    run(night_clip, tmp_path / "results", "auto")
+    again = run(night_clip, tmp_path / "results", "auto", "wide")
+    assert again.finished() == ["narrow", "wide"]
+
+
+def test_a_device_that_is_none_is_named(night_clip: Path, tmp_path: Path) -> None:
+    combinations = combine(["siamrpnpp"], ["none"], device="mps", backend="auto")
+    with pytest.raises(UsageError, match="device 'mps' is none of cpu, cuda, cuda:N"):
+        run_benchmark(combinations, load_dataset(night_clip), tmp_path / "results")
 
 
 def test_a_run_from_before_backends_goes_on_in_torch(night_clip: Path, tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ import torch
 import torch.nn.functional as F
 from torch import nn
 
+from nat2024.backends import is_installed
 from nat2024.cards import Card
 from nat2024.errors import ArrayContract, UsageError
 from nat2024_trackers.siamese.state import Candidates, Constants, Target
@@ -50,6 +51,16 @@ def decode(maps):
     boxes = np.stack([x.ravel(), y.ravel(), size, size])
     flat = scores.reshape(count, -1)
     return Candidates(flat / np.abs(flat).max(axis=1, keepdims=True), np.stack([boxes] * count))
+
+
+class Counting:
+    """An enhancer that changes nothing and counts its calls."""
+
+    count = 0
+
+    def enhance_batch(self, batch):
+        self.count += 1
+        return batch
 
 
 class Simple(SiameseTracker):
@@ -219,6 +230,21 @@ def test_several_sequences_advance_in_one_batch_as_they_do_alone(clip):
         for step, rows in zip(steps, alone, strict=True):
             np.testing.assert_allclose(step.box, rows[index - 1], atol=1e-3)
     assert tracker.target == state
+
+
+@pytest.mark.skipif(not is_installed("onnxruntime", "cpu"), reason="no other runtime is installed")
+def test_a_backend_opens_the_whole_network_at_the_start(clip, tmp_path, monkeypatch):
+    monkeypatch.setenv("NAT2024_CACHE", str(tmp_path))
+    frames, box = clip
+    enhancer = Counting()
+    tracker = Simple(backend="onnxruntime", enhancer=enhancer)
+    tracker.init(frames[0], box)
+    opened = {path.name.split("-")[1] for path in tmp_path.rglob("*.onnx")}
+    assert opened == {"embed", "match"}
+    assert enhancer.count == 1  # the template alone
+    seen = len(tracker.model.seen)
+    tracker.update(frames[1])
+    assert len(tracker.model.seen) == seen  # nothing is left to export or to check
 
 
 def test_nothing_is_left_of_an_earlier_sequence(follow, clip):

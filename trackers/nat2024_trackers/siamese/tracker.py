@@ -3,12 +3,14 @@
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from nat2024.backends import (
+    FASTEST_FIRST,
+    BackendName,
     BackendWish,
     ExportedPart,
     Part,
@@ -66,9 +68,12 @@ class SiameseTracker(Tracker):
         decoder: from the network's outputs to candidates.
         constants: of this tracker and variant.
         enhance_template: whether the enhancer sees the template crop too (scope "patch").
+        fastest_backends: what "auto" tries on a CPU, measured by `benchmarks/backend_speed.py`.
         backend: what runs the network.
         last_step: outcome of the latest `update`, None right after `init`.
     """
+
+    fastest_backends: ClassVar[tuple[BackendName, ...]] = FASTEST_FIRST
 
     def __init__(
         self,
@@ -98,7 +103,7 @@ class SiameseTracker(Tracker):
             precision: what the backend computes in.
         """
         super().__init__(enhancer=enhancer, device=device, scope=scope)
-        backends = backends_of(backend, self.device, precision)
+        backends = backends_of(backend, self.device, precision, self.fastest_backends)
         self.backend, self.precision = backends[0], precision
         self.model: Any = model.to(device).eval()
         self._compiled = _PartedNetwork(
@@ -111,6 +116,7 @@ class SiameseTracker(Tracker):
         self._window: Floats = cosine_window(constants)
         self._first: FirstFrame | None = None
         self._target: Target | None = None
+        self._has_matched = self.backend == "torch"
 
     @property
     def network(self) -> SiameseNetwork:
@@ -162,6 +168,8 @@ class SiameseTracker(Tracker):
     def start(self, image: Image, box: Box) -> Box:
         """Start on an image; the answer is x + 0.5, y + 0.5, w, h as official testers write it."""
         self._first, self._target = self.begin(image, box)
+        if not self._has_matched:
+            self._match_once(image, self._first, self._target)
         self.last_step = None
         x, y, width, height = box.tolist()
         return np.array([x + 0.5, y + 0.5, width, height], dtype=np.float64)
@@ -209,6 +217,19 @@ class SiameseTracker(Tracker):
             )
         ]
 
+    def _match_once(self, image: Image, first: FirstFrame, target: Target) -> None:
+        """Let the backend open the network, so that its time counts for the first frame.
+
+        The enhancer is not asked: one that remembers frames would get to see this one twice.
+        """
+        import torch
+
+        window = search_window(target, first, (image.shape[1], image.shape[0]), self.constants)
+        search = crop(image, target, window.side, self.constants.instance_size, first.fill)
+        with torch.inference_mode():
+            self.network.match(first.features, self._pixels([search]))
+        self._has_matched = True
+
     def _started(self) -> tuple[FirstFrame, Target]:
         if self._first is None or self._target is None:
             msg = f"{self.name}: update before init; call init(image, box) on the first frame"
@@ -236,12 +257,17 @@ class SiameseTracker(Tracker):
         """float32 (n, 3, side, side) in 0..255, BGR; enhanced crops are not rounded."""
         import torch
 
-        pixels = torch.from_numpy(np.stack(crops)).to(self.device).permute(0, 3, 1, 2)
-        batch = pixels.to(torch.float32, memory_format=torch.contiguous_format)
+        batch = self._pixels(crops)
         if self.enhancer is None or self.scope != "patch" or not enhanced:
             return batch
         better = run_enhancer(self.enhancer, batch / 255.0, self.device)
         return better.to(device=batch.device, dtype=torch.float32) * 255.0
+
+    def _pixels(self, crops: Sequence[Image]) -> "torch.Tensor":
+        import torch
+
+        pixels = torch.from_numpy(np.stack(crops)).to(self.device).permute(0, 3, 1, 2)
+        return pixels.to(torch.float32, memory_format=torch.contiguous_format)
 
 
 class _PartedNetwork:
