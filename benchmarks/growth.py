@@ -34,7 +34,9 @@ from growth_study import Machine, Rates
 from side_by_side import machine, update
 
 THREADS = (1, 2, 4, 8, 16, 32, 64)
-GPUS = ("assumed=100", "assumed=400x8")  # until one is measured
+GPUS = ("NVIDIA H100=165", "NVIDIA H100=831x32")
+"""Updates of siamrpnpp with ldenhancer a second, from `lockstep.py --updates --device cuda`."""
+
 UNKNOWN = Rates(110.0, 13.0, 0.7, 12.0, 5.0, 5.0)  # where a measurement fails
 REAL = {"tracker": "siamrpnpp", "enhancer": "ldenhancer", "size": (960, 540), "repeats": 1}
 CHEAP = {"tracker": "standing", "size": (320, 180), "repeats": 2}

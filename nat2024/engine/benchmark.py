@@ -208,8 +208,9 @@ def _record(dataset: Dataset) -> DatasetRecord:
 
 
 def _plan(runs: list[ActiveRun], dataset: Dataset, way: _Way) -> list[Unit]:
+    unfinished = [(run.combination, frozenset(run.missing)) for run in runs]
     missing = {
-        sequence.name: [run.combination for run in runs if sequence.name in set(run.missing)]
+        sequence.name: [one for one, names in unfinished if sequence.name in names]
         for sequence in dataset
     }
     batches = {run.combination.run: run.wanted.batch for run in runs}
