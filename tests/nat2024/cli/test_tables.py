@@ -113,6 +113,14 @@ def test_layouts(results: Path, cli: Any, layout: str, expected: str, form: str)
         assert out.startswith("<!doctype html>")
 
 
+@pytest.mark.parametrize("layout", ["overall", "categories", "protocols"])
+def test_printed_tables_have_the_names_of_papers(results: Path, cli: Any, layout: str) -> None:
+    cells = {"latex": "& CLAHE &", "html": ">CLAHE<", "markdown": "| CLAHE |", "csv": ",clahe,"}
+    for form, cell in cells.items():
+        _, out, _ = table(cli, results, "--layout", layout, "--format", form)
+        assert cell in out
+
+
 def test_numbers_of_layouts(results: Path, cli: Any) -> None:
     _, out, _ = table(cli, results, "--layout", "categories", "--format", "csv")
     found = {(row["Tracker"], row["Enhancer"]): row for row in rows(out)}

@@ -25,7 +25,9 @@ def by_label(values: dict[str, tuple[float, float]]) -> Any:
 
 
 def test_radar_lines_are_closed_and_start_in_the_middle() -> None:
-    table = by_label({"IV (3)": (0.2, 0.3), "UL* (2)": (0.4, 0.5), "$FM$ (9)": (0.1, np.nan)})
+    table = by_label(
+        {"traffic sign (3)": (0.2, 0.3), "UL* (2)": (0.4, 0.5), "$FM$ (9)": (0.1, np.nan)}
+    )
     figure = radar_figure(table, VIEW.looks, title="* computed attribute")
     (axes,) = figure.axes
     alone, enhanced = axes.lines
@@ -34,7 +36,7 @@ def test_radar_lines_are_closed_and_start_in_the_middle() -> None:
     assert alone.get_xdata()[:-1] == pytest.approx([0, 2 * np.pi / 3, 4 * np.pi / 3])
     assert axes.get_ylim() == (0, pytest.approx(0.5))
     names = [text.get_text() for text in axes.get_xticklabels()]
-    assert names == ["IV\n(3)", "UL*\n(2)", "\\$FM\\$\n(9)"]
+    assert names == ["traffic\nsign\n(3)", "UL*\n(2)", "\\$FM\\$\n(9)"]
     assert figure.get_suptitle() == "* computed attribute"
     assert [text.get_text() for text in axes.get_legend().get_texts()] == ["A", "A + X"]
 

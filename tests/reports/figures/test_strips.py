@@ -1,3 +1,6 @@
+from dataclasses import replace
+from itertools import pairwise
+
 import numpy as np
 
 from nat2024_reports.figures.looks import Look
@@ -66,3 +69,15 @@ def test_boxes_that_are_no_numbers_or_far_away_are_drawn_without_harm() -> None:
     odd = {"t": np.full(4, np.nan), "t+e": np.array([1e9, 1e9, 3, 3])}
     figure = strip_figure([column(0, boxes=odd)], LOOKS, rows=["", ""])
     assert figure_bytes(figure, ".pdf").startswith(b"%PDF")
+
+
+def test_names_over_pictures_stay_apart() -> None:
+    columns = [
+        replace(column(frame), about="SiamRPN++ (compact) + LDEnhancer") for frame in range(6)
+    ]
+    figure = strip_figure(columns, LOOKS, rows=["original", "E"])
+    figure.draw_without_rendering()
+    names = [t for axes in figure.axes for t in axes.texts if t.get_text().startswith("SiamRPN")]
+    extents = sorted((t.get_window_extent().x0, t.get_window_extent().x1) for t in names)
+    assert len(extents) == 6
+    assert all(left[1] <= right[0] for left, right in pairwise(extents))

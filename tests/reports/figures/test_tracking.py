@@ -63,3 +63,9 @@ def test_small_errors_leave_the_limit_in_view():
     axes = several({"a": [1.0, 2.0]})
     assert axes.get_ylim() == (0, 50)
     assert [tick for tick in axes.get_yticks() if tick <= 50] == [0, 10, 20, 50]
+
+
+def test_the_label_of_errors_above_1000_px_stays_on_the_page():
+    axes = several({"a": [1.0, 1500.0], "a+x": [1.0, 2.0]})
+    axes.figure.draw_without_rendering()
+    assert axes.yaxis.label.get_window_extent().x0 >= 0

@@ -54,6 +54,8 @@ def test_without_frames_it_is_said(
     assert status == 0, err
     assert "no gain against light, no readable images of any sequence" in err
     assert {one["kind"] for one in json.loads(out)["files"]} == {"losses"}
+    captions = {one["caption"].partition(" over ")[0] for one in json.loads(out)["files"]}
+    assert captions == {"Overlap of each run"}  # and not the light that is not known
 
 
 def test_tables_of_failures(cli: Any, results: Path, night_clip: Path) -> None:
