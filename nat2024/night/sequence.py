@@ -1,5 +1,6 @@
 """Night sequences from nothing: settings in, frames with exact ground truth out."""
 
+import copy
 from collections import deque
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -170,7 +171,12 @@ def _compose(rng: np.random.Generator, settings: NightSettings) -> Scene:
     trees = []
     if settings.occlusion != "none":
         trees = trees_between(rng, flight, target, full=settings.occlusion == "full")
-    return build_scene(rng, plan, flight, target, trees, settings.others, settings.photographs)
+    before = copy.deepcopy(rng)
+    scene = build_scene(rng, plan, flight, target, trees, settings.others, settings.photographs)
+    if trees and paint(scene, 0)[1].visible < VISIBLE:
+        # In a few frames a target hardly moves on: what hides it in the middle hides its start.
+        return build_scene(before, plan, flight, target, [], settings.others, settings.photographs)
+    return scene
 
 
 def _samples(scene: Scene, frames: int) -> list[Light]:

@@ -150,3 +150,11 @@ def test_rendered_sequences_measure_like_real_night_footage():
     for key, (low, high) in RANGES["other_frames"].items():
         if key != "noise_sigma":  # those frames went through another camera
             assert low <= np.median([row[key] for row in rows]) <= high, key
+
+
+@pytest.mark.parametrize("kind", ["bike", "bus"])
+def test_a_target_is_seen_in_the_first_frame_of_a_short_sequence(kind):
+    # what hides it around the middle would hide it from the start
+    for seed in range(4):
+        settings = NightSettings(kind, frames=8, size=(320, 180), seed=seed, occlusion="full")
+        assert np.isfinite(NightSequence(settings).frame(0).box).all()
