@@ -246,17 +246,21 @@ def _print(report: "EnhancerTrainingReport") -> None:
 def _run_ablation(
     training: "EnhancerTraining", seeds: int, minutes: float | None, *, as_json: bool
 ) -> int:
-    from nat2024.enhancing.training import run_ablation, spread
+    from nat2024.enhancing.training import run_ablation, spread, tracking_script
+    from nat2024.files import write_atomic
 
     with Bars() as bars:
         trained = run_ablation(
             training, seeds, minutes=minutes, on_progress=bars, on_total=bars.begin
         )
+    script = training.out / "track.sh"
+    write_atomic(script, tracking_script(training, trained))
     if as_json:
         runs = [{"variant": one.name, "seed": one.seed, **_document(one.report)} for one in trained]
         print_json({"ablation": spread(trained), "trainings": runs})
         return 0
     _print_ablation(trained)
+    click.echo(f"to track them: sh {script} --tracker NAME --dataset NAME")
     return 0
 
 

@@ -1,6 +1,12 @@
 """Training enhancers: pictures, batches, validation and the ablation around `nat2024.training`."""
 
-from nat2024.enhancing.training.ablation import Spread, Variant, run_ablation, spread
+from nat2024.enhancing.training.ablation import (
+    Spread,
+    Variant,
+    run_ablation,
+    spread,
+    tracking_script,
+)
 from nat2024.enhancing.training.running import (
     EnhancerTraining,
     EnhancerTrainingReport,
@@ -22,5 +28,6 @@ __all__ = [
     "list_presets",
     "run_ablation",
     "spread",
+    "tracking_script",
     "train_enhancer",
 ]

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
+from shlex import quote
 
 import numpy as np
 
@@ -81,7 +82,7 @@ def run_ablation(
             seed = training.loop.seed + number
             one = replace(
                 training,
-                out=training.out / name.replace("+", "_").strip("_") / f"seed-{seed}",
+                out=training.out / _folder_of(name) / f"seed-{seed}",
                 options={**training.options, **options},
                 loop=_with_seed(training, seed),
             )
@@ -90,6 +91,37 @@ def run_ablation(
             )
             done.append(Variant(name, seed, report))
     return done
+
+
+def tracking_script(training: EnhancerTraining, trained: Iterable[Variant]) -> str:
+    """A shell script that tracks all variants, each under a label that the table knows.
+
+    Words that it is called with, such as `--dataset NAME`, go to `nat-bench run`.
+
+    Args:
+        training: as in `run_ablation`.
+        trained: what that gave.
+    """
+    variants = load_plugin(training.name, "enhancer").ablation
+    lines = ["#!/bin/sh", 'nat-bench run "$@" --enhancer none \\']
+    for one in trained:
+        label = f"{training.name}@{_folder_of(one.name)}-{one.seed}"
+        lines.append(f"  --enhancer {label} \\")
+        options = {**training.options, **variants[one.name]}
+        lines += [
+            f"  --opt {quote(f'{label}.{key}={_text(value)}')} \\" for key, value in options.items()
+        ]
+        lines.append(f"  --weights {quote(f'{label}={one.report.weights.absolute()}')} \\")
+    lines[-1] = lines[-1].removesuffix(" \\")
+    return "\n".join(lines) + "\n"
+
+
+def _text(value: object) -> str:
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def _folder_of(variant: str) -> str:
+    return variant.replace("+", "_").strip("_")
 
 
 def _with_seed(training: EnhancerTraining, seed: int) -> TrainingSettings:

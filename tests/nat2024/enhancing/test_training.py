@@ -2,6 +2,8 @@
 
 import json
 import os
+import re
+import shlex
 from pathlib import Path
 
 import cv2
@@ -168,7 +170,7 @@ def test_somebody_elses_enhancer_trains(data, tmp_path, capsys):
     assert losses[-1] < 0.2 * losses[0]
 
 
-def test_the_ablation_trains_all_variants(data, tmp_path, capsys):
+def test_the_ablation_trains_all_variants(data, tmp_path, capsys, night_clip):
     words = ("--ablation", "--seeds", "2", "--json")
     assert train("ldenhancer", data, tmp_path / "run", *words, steps=1) == 0
     document = json.loads(capsys.readouterr().out)
@@ -177,7 +179,28 @@ def test_the_ablation_trains_all_variants(data, tmp_path, capsys):
     assert lift["least"] <= lift["mean"] <= lift["most"]
     assert len(document["trainings"]) == 8
     assert train("ldenhancer", data, tmp_path / "run", *words[:3], steps=1) == 0
-    assert "±" in capsys.readouterr().out
+    shown = capsys.readouterr().out
+    assert "±" in shown
+    assert "±nan" not in shown
+    script = tmp_path / "run" / "track.sh"
+    assert f"sh {script} --tracker" in shown
+    # What the script says runs all variants, and the table knows every one of them.
+    words = shlex.split(script.read_text().replace("#!/bin/sh\n", "").replace("\\\n", " "))
+    place = words.index("$@")
+    results = ["--results", str(tmp_path / "results")]
+    mine = ["--dataset", str(night_clip), "--sequences", "wide", "--backend", "torch", *results]
+    assert words[:place] == ["nat-bench", "run"]
+    assert run(["run", "--tracker", "mosse", *mine, *words[place + 1 :]]) == 0
+    capsys.readouterr()
+    assert run(["table", "--layout", "ablation", *results]) == 0
+    shown = capsys.readouterr().out
+    for label in (
+        "+Baseline",
+        "+Baseline+TB",
+        "+Baseline+TB+LS",
+        "+Baseline+TB+LS+TF (LDEnhancer)",
+    ):
+        assert re.search(rf"^ {re.escape(label)} +2 ", shown, re.MULTILINE), shown
 
 
 def test_tracking_validates(data, tmp_path, night_clip):
