@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
+from nat2024.cli.display_names import category_name
 from nat2024.cli.scoring import Scored
 from nat2024.errors import NatBenchError
 
@@ -239,7 +240,7 @@ def _subsets(evaluation: "Evaluation") -> "Iterator[Subset]":
         if found is not None:
             yield dataclasses.replace(found, meaning=attribute_term(attribute).title)
     for category, names in evaluation.categories.items():
-        found = _subset(evaluation, "category", category, names)
+        found = _subset(evaluation, "category", category_name(category), names)
         if found is not None:
             yield found
 
@@ -294,7 +295,7 @@ def _sequences(
         yield SequencePart(
             name=sequence.name,
             frames=seen.length if seen else len(sequence),
-            category=sequence.category,
+            category=category_name(sequence.category),
             attributes={
                 name: sequence.provenance.get(name, "published") for name in sequence.attributes
             },

@@ -172,6 +172,9 @@ def _groups(by: Literal["attribute", "category"]) -> "Callable[[Scored, Wish], l
 
         evaluation = scored.evaluation
         scores = evaluation.per_attribute() if by == "attribute" else evaluation.per_category()
+        gains = evaluation.gains(by=by)
+        if wish.titles and by == "category":
+            scores, gains = (one.assign(category=_words(one)) for one in (scores, gains))
         if scores.empty:
             what, cure = (
                 ("has an attribute", "; --computed-attributes computes some")
@@ -185,13 +188,19 @@ def _groups(by: Literal["attribute", "category"]) -> "Callable[[Scored, Wish], l
                 wish.named(evaluation.summary()),
                 wish.named(scores),
                 by,
-                evaluation.gains(by=by),
+                gains,
                 metric=_metric(evaluation, wish),
                 intervals=wish.intervals,
             )
         ]
 
     return make
+
+
+def _words(table: "pd.DataFrame") -> "pd.Series[str]":
+    from nat2024.cli.display_names import category_name
+
+    return table["category"].astype(str).map(category_name)
 
 
 def _metric(evaluation: "Evaluation", wish: Wish) -> str:

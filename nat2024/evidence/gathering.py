@@ -84,9 +84,11 @@ def gather(
         frames=frames,
         every=every,
         loss_frames=loss_frames,
-        store=store,
+        store=store and folder.is_dir(),
         on_frame=on_frame or _nothing,
     )
+    if frames and store and not job.store:
+        job.note("nothing that is seen is kept: the results lie in an archive")
     if enhance and frames:
         job.enhancers = {name: RunEnhancer(run.manifest) for name, run in job.runs.items()}
     wanted = {name for run in evaluation.runs for name in run.sequences}

@@ -120,7 +120,7 @@ def _head(axes: "Axes", column: StripFrame) -> None:
             va="bottom",
             fontsize=size,
         )
-        wide = shown.get_window_extent().width / shown.get_figure(root=True).dpi * 72
+        wide = shown.get_window_extent(dpi=72).width  # points
         shown.set_fontsize(max(_LEAST_SIZE, size * min(1.0, 0.98 * room / max(wide, 1.0))))
 
 

@@ -1,4 +1,5 @@
 import os
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -256,3 +257,14 @@ def test_gains_stand_beside_the_light_of_their_sequences(results: tuple[Dataset,
     bare = gather(evaluation, dataset, folder, frames=False)
     assert gains_and_light(evaluation, bare).empty
     assert correlate_gains(gains_and_light(evaluation, bare)) == {}
+
+
+def test_results_in_an_archive_have_evidence_that_is_not_kept(
+    results: tuple[Dataset, Path], tmp_path: Path
+) -> None:
+    dataset, folder = results
+    archive = Path(shutil.make_archive(str(tmp_path / "packed"), "zip", folder))
+    evidence, looked = gathered((dataset, archive))
+    assert evidence.notes[0] == "nothing that is seen is kept: the results lie in an archive"
+    assert len(evidence["narrow"].thumbnails) >= 1
+    assert (looked, evidence.notes) == (gathered((dataset, archive))[1], evidence.notes)
