@@ -8,27 +8,18 @@ import contextlib
 import logging
 import queue
 import secrets
-import threading
 import time
 from collections import Counter, deque
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
-from nat2024.engine.plan import PluginSpec, describe, untouched_options
-from nat2024.engine.reporting import Throttled
-from nat2024.engine.units import Job, Outcome, Progress, Trackers, Unit, run_unit
-from nat2024.engine.workers import (
-    DIED,
-    Setting,
-    born_deaf_to_interrupts,
-    prepare_process,
-    sort_out,
-)
-from nat2024.errors import ClusterFailed, FrameUnreadable, NatBenchError, UsageError
+from nat2024.engine.cluster_worker import Answer, Expected, first_frame_fault, run_on_worker
+from nat2024.engine.plan import PluginSpec
+from nat2024.engine.units import Job, Outcome, Progress, Unit
+from nat2024.engine.workers import DIED, Setting, born_deaf_to_interrupts, sort_out
+from nat2024.errors import ClusterFailed, UsageError
 from nat2024.files import expand
-from nat2024.store import Manifest, setting_differences
-from nat2024.types import Sequence
 
 Client: TypeAlias = Any
 """A `distributed.Client`; most of that package is untyped."""
@@ -36,21 +27,8 @@ Client: TypeAlias = Any
 log = logging.getLogger("nat2024")
 
 _CONNECT_SECONDS = 30
-_TELL_SECONDS = 1.0
 _GRACE_SECONDS = 5.0
 _GPU = "GPU"  # the name of the resource that Dask's own pages use
-
-Expected: TypeAlias = Mapping[str, Manifest]
-"""Manifests by run: what workers must be able to create alike."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Answer:
-    """What a worker has to say of a unit; `unfit` where it could not even begin, and why."""
-
-    outcomes: tuple[Outcome, ...] = ()
-    unfit: str = ""
-    is_without_frames: bool = False
 
 
 def run_on_cluster(
@@ -246,7 +224,7 @@ class _Campaign:
             key = f"{self._topic}-{secrets.token_hex(4)}"
             expected = {c.run: self._expected[c.run] for c in unit.combinations}
             future: Any = self._client.submit(
-                _run_on_worker,
+                run_on_worker,
                 unit,
                 expected,
                 self._setting,
@@ -296,9 +274,9 @@ class _Campaign:
         else:
             yield from self._try_again(task.unit, _reason(task.future.exception()))
 
-    def _judge(self, unit: Unit, answer: _Answer) -> Iterator[Outcome]:
+    def _judge(self, unit: Unit, answer: Answer) -> Iterator[Outcome]:
         """A worker lacks something. Where the client has it, the cluster is not fit for this."""
-        faults = {s.name: _first_frame_fault(s) for s in unit.sequences}
+        faults = {s.name: first_frame_fault(s) for s in unit.sequences}
         if not answer.is_without_frames or not any(faults.values()):
             raise ClusterFailed(answer.unfit)
         for run, name in unit.jobs:
@@ -332,79 +310,3 @@ def _reason(error: BaseException | None) -> str:
     if type(error).__name__ == "KilledWorker":
         return DIED
     return f"its worker failed: {type(error).__name__}: {' '.join(str(error).split())}"
-
-
-_of_thread = threading.local()
-
-
-def _trackers(topic: str, setting: Setting) -> Trackers:
-    """The trackers of this thread for one campaign; those of an earlier one are let go."""
-    if getattr(_of_thread, "topic", "") != topic:
-        prepare_process(setting)
-        _of_thread.trackers, _of_thread.topic = Trackers(), topic
-    trackers: Trackers = _of_thread.trackers
-    return trackers
-
-
-def _run_on_worker(
-    unit: Unit, expected: Expected, setting: Setting, topic: str, key: str
-) -> _Answer:
-    """What a worker of the cluster does; the outcomes go back to the client, who writes them."""
-    import distributed
-
-    worker = distributed.get_worker()
-
-    def tell(frames: int, what: str) -> None:
-        news = {"key": key, "worker": worker.address, "frames": frames, "what": what}
-        worker.log_event(topic, news)
-
-    try:
-        trackers = _trackers(topic, setting)
-        _check_fit(unit, trackers, expected)
-    except NatBenchError as error:
-        return _Answer(unfit=f"worker {worker.address}: {error}")
-    fault = next(filter(None, map(_first_frame_fault, unit.sequences)), "")
-    if fault:
-        where = "datasets must lie on every worker under the same path"
-        return _Answer((), f"worker {worker.address}: {fault}; {where}", is_without_frames=True)
-    seconds = _TELL_SECONDS if setting.timeout is None else min(_TELL_SECONDS, setting.timeout / 4)
-    progress = Throttled(tell, seconds)
-    outcomes = tuple(run_unit(unit, trackers, progress))
-    progress.flush()
-    return _Answer(outcomes)
-
-
-def _check_fit(unit: Unit, trackers: Trackers, expected: Expected) -> None:
-    """See that this worker has the same plugins and weights as the client.
-
-    Raises:
-        ClusterFailed: it has others, or none.
-    """
-    for combination in unit.combinations:
-        if trackers.has(combination):
-            continue
-        tracker, enhancer = trackers.create(combination)
-        wanted = expected[combination.run]
-        ours = describe(
-            combination,
-            tracker,
-            enhancer,
-            wanted.dataset,
-            wanted.threads,
-            wanted.on_bad_frame,
-            wanted.batch,
-        )
-        untouched = untouched_options(combination, tracker, enhancer)
-        differences = setting_differences(wanted, ours, untouched)
-        if differences:
-            msg = f"{combination.run} is another one there: {'; '.join(differences)}"
-            raise ClusterFailed(msg)
-
-
-def _first_frame_fault(sequence: Sequence) -> str:
-    """Why the first frame of a sequence cannot be read; empty where it can."""
-    try:
-        sequence.image(0)
-    except FrameUnreadable as error:
-        return str(error)
-    return ""

@@ -19,7 +19,7 @@ import pytest
 import nat2024
 from nat2024.cli import run as nat_bench
 from nat2024.engine import cluster as dask_cluster
-from nat2024.engine import combine, run_benchmark
+from nat2024.engine import cluster_worker, combine, run_benchmark
 from nat2024.engine.lockstep import Reading
 from nat2024.engine.units import Trackers, Unit
 from nat2024.errors import ClusterFailed, UsageError
@@ -93,7 +93,7 @@ def test_what_workers_lack_is_told_at_once(
     plugins = (str(Path(__file__).parents[2] / "data" / "plugins" / "small.py"),)
     report = run_benchmark(combinations, gone, tmp_path / "b", cluster=client, plugins=plugins)
     assert [f.sequence for f in report.failures] == ["tall"]  # nobody has it: a bad sequence
-    monkeypatch.setattr(dask_cluster, "_first_frame_fault", lambda _: "")
+    monkeypatch.setattr(dask_cluster, "first_frame_fault", lambda _: "")
     with pytest.raises(ClusterFailed, match="datasets must lie on every worker under the same"):
         run_benchmark(combinations, gone, tmp_path / "c", cluster=client, plugins=plugins)
 
@@ -104,12 +104,12 @@ def test_other_weights_or_options_on_a_worker_are_refused(night_clip: Path) -> N
     [one] = combine(["still"], ["gamma"])
     wanted = describe(one, *one.create(), DatasetRecord("night_clip"), threads=1)
     unit = Unit((one,), tuple(nat2024.load_dataset(night_clip)), Reading())
-    dask_cluster._check_fit(unit, Trackers(), {one.run: wanted})
+    cluster_worker.check_fit(unit, Trackers(), {one.run: wanted})
     assert wanted.enhancer is not None
     other = msgspec.structs.replace(wanted.enhancer, options={"gamma": 0.25})
     expected = {one.run: msgspec.structs.replace(wanted, enhancer=other)}
     with pytest.raises(ClusterFailed, match=r"gamma\.gamma 0\.25 \(now 0\.5\)"):
-        dask_cluster._check_fit(unit, Trackers(), expected)
+        cluster_worker.check_fit(unit, Trackers(), expected)
 
 
 def test_clusters_that_there_are_not(
