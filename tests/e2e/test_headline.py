@@ -38,7 +38,9 @@ def test_headline_command(
 ) -> None:
     assert headline(night_clip, tmp_path, checkpoints) == 0
     table = capsys.readouterr().out
-    assert "siamrpnpp ldenhancer patch" in " ".join(table.split())
+    words = " ".join(table.split())
+    assert "protocol pysot; scope patch" in words
+    assert "siamrpnpp ldenhancer 0." in words
     enhanced = RunFolder(tmp_path / "night_clip" / "siamrpnpp+ldenhancer")
     plain = RunFolder(tmp_path / "night_clip" / "siamrpnpp")
     truth = nat2024.load_dataset(night_clip)["wide"].boxes
