@@ -95,7 +95,8 @@ def gain_against_light_figure(
         for axes, measure in zip(panels, measures, strict=True):
             _scatter(axes, table, means, measure, colors, several=len(trackers) > 1)
             axes.set_xlabel(MEASURES[measure], fontsize=7)
-            axes.set_title(correlations[measure].text("\n"), fontsize=6.5)
+            told = correlations[measure].text("\n").replace("-", "\N{MINUS SIGN}")
+            axes.set_title(told, fontsize=6.5)
             if uneven_from is not None and "unevenness" in measure:
                 _mark_uneven(axes, uneven_from)
         panels[0].set_ylabel(gain)

@@ -261,15 +261,20 @@ def scope_of(summary: "pd.DataFrame") -> str:
     return f"; scope {scope}" if scope else ""
 
 
+def _folded(names: "pd.Series[str]") -> "pd.Series[str]":
+    """Names by which fDSST comes before KCF, as `fdsst` does before `kcf`."""
+    return names.map(str.casefold).rename("folded")
+
+
 def in_order(summary: "pd.DataFrame") -> "list[list[dict[Any, Any]]]":
     """Rows in groups of one tracker: the tracker alone, then its enhancers by scope and name.
 
     Enhancement scopes are never mixed in one group.
     """
     groups = []
-    for _, runs in summary.groupby("tracker", sort=True):
+    for _, runs in summary.groupby([_folded(summary.tracker), "tracker"], sort=True):
         plain = _records(runs[runs.enhancer == PLAIN])
-        enhanced = runs[runs.enhancer != PLAIN].sort_values(["scope", "enhancer"])
+        enhanced = runs[runs.enhancer != PLAIN].sort_values(["scope", "enhancer"], key=_folded)
         scoped = [_records(rows) for _, rows in enhanced.groupby("scope", sort=True)]
         groups.append(plain + (scoped[0] if scoped else []))
         groups += scoped[1:]

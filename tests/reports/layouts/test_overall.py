@@ -145,3 +145,9 @@ def test_intervals(summary: Any, gains: Any) -> None:
     cells = dict(zip(names, list(file.rows)[1], strict=True))
     assert cells["Success gain low %"].value == 10.04
     assert cells["Success improved %"].value == 60
+
+
+def test_capitals_change_no_order(summary: Any) -> None:
+    rows = [(name, name, "none", "patch", 0.5, 0.5) for name in ("KCF", "fDSST", "MOSSE")]
+    found = [cell.text for cell in column(overall_table(summary(rows)), "Tracker")]
+    assert found == ["fDSST", "KCF", "MOSSE"]
