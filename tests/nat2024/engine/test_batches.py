@@ -38,8 +38,8 @@ def unequal(folder: Path, lengths: tuple[int, ...] = (4, 2, 3)) -> Dataset:
         (PluginSpec("siamrpnpp"), PluginSpec("ldenhancer"), "patch"),
         (PluginSpec("siamrpnpp"), PluginSpec("dcepp"), "frame"),
         (PluginSpec("nanotrack", weights=False), PluginSpec("clahe"), "patch"),
-        (PluginSpec("hift", weights=False), None, "patch"),
-        (PluginSpec("siamapnpp", weights=False), None, "patch"),
+        pytest.param(PluginSpec("hift", weights=False), None, "patch", marks=pytest.mark.slow),
+        pytest.param(PluginSpec("siamapnpp", weights=False), None, "patch", marks=pytest.mark.slow),
     ],
     ids=lambda value: getattr(value, "name", str(value)),
 )

@@ -119,11 +119,8 @@ def test_other_options_are_refused_and_lose_nothing(night_clip: Path, tmp_path: 
     run(night_clip, tmp_path, "still@three", options={"still@three": {"step": 3}})
 
 
-@pytest.mark.parametrize("workers", [1, 2])
-def test_a_failing_sequence_is_told_and_the_others_go_on(
-    night_clip: Path, tmp_path: Path, small_plugins: str, workers: int
-) -> None:
-    report = run(night_clip, tmp_path, "fails still", workers=workers, plugins=(small_plugins,))
+def test_a_failing_sequence_is_told_and_the_others_go_on(night_clip: Path, tmp_path: Path) -> None:
+    report = run(night_clip, tmp_path, "fails still")
     (failure,) = report.failures
     assert (failure.run, failure.sequence) == ("fails", "wide")
     assert failure.reason == "frame 5 of 8: ValueError: lost its mind"
@@ -155,7 +152,8 @@ def _track(frames: int) -> Any:
 def test_a_worker_that_dies_costs_only_its_own_sequence(
     night_clip: Path, tmp_path: Path, small_plugins: str
 ) -> None:
-    report = run(night_clip, tmp_path, "dies still", workers=2, plugins=(small_plugins,))
+    how = {"timeout": 60, "retries": 1, "plugins": (small_plugins,)}
+    report = run(night_clip, tmp_path, "dies still", **how)
     (failure,) = report.failures
     assert (failure.run, failure.sequence) == ("dies", "wide")
     assert "worker process died" in failure.reason
@@ -167,11 +165,15 @@ def test_a_worker_that_dies_costs_only_its_own_sequence(
 def test_results_do_not_depend_on_the_number_of_workers(
     night_clip: Path, tmp_path: Path, small_plugins: str
 ) -> None:
+    failures = []
     for workers in (1, 2):
-        results = tmp_path / str(workers)
-        run(night_clip, results, "still", "none clahe", workers=workers, plugins=(small_plugins,))
+        how = {"workers": workers, "plugins": (small_plugins,)}
+        report = run(night_clip, tmp_path / str(workers), "still fails", "none clahe", **how)
+        failures.append(sorted((f.run, f.sequence, f.reason) for f in report.failures))
     assert box_files(tmp_path / "1") == box_files(tmp_path / "2")
-    assert len(box_files(tmp_path / "1")) == 6
+    assert len(box_files(tmp_path / "1")) == 10
+    assert failures[0] == failures[1]
+    assert [run for run, _, _ in failures[0]] == ["fails", "fails+clahe"]
 
 
 def test_a_truncated_frame_fails_its_sequence_only(night_clip: Path, tmp_path: Path) -> None:

@@ -7,6 +7,8 @@ import sys
 import time
 from pathlib import Path
 
+import pytest
+
 
 def _command(clip: Path, results: Path) -> list[str]:
     words = ["run", "--tracker", "still", "--enhancer", "clahe", "--device", "cpu", "--quiet"]
@@ -15,6 +17,7 @@ def _command(clip: Path, results: Path) -> list[str]:
     return [sys.executable, "-m", "nat2024", *words, *folders]
 
 
+@pytest.mark.slow  # as in test_survival.py, whose processes need no start, by the command line
 def test_killed_and_resumed_is_as_if_never_killed(tmp_path: Path) -> None:
     from nat2024.datasets import write_sequence
     from nat2024.night import Clip, render_clip

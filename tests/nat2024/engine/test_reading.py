@@ -1,6 +1,7 @@
 """Frames on their way to a tracker: read ahead, skipped by policy, from folder, zip or video."""
 
 import json
+import pickle
 import shutil
 import threading
 import zipfile
@@ -45,7 +46,7 @@ def damaged(night_clip: Path, tmp_path: Path) -> Path:
     return copy
 
 
-@pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_results_are_the_same_bytes_with_and_without_reading_ahead(
     night_clip: Path, tmp_path: Path, small_plugins: str, workers: int
 ) -> None:
@@ -157,7 +158,7 @@ def test_results_do_not_depend_on_how_the_frames_are_kept(night_clip: Path, tmp_
     assert box_files(tmp_path / "folder") == box_files(tmp_path / "archive")
 
 
-@pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_a_video_is_tracked_in_any_process(
     tmp_path: Path, small_plugins: str, workers: int
 ) -> None:
@@ -176,6 +177,9 @@ def test_a_video_is_tracked_in_any_process(
     assert (report.tracked, report.failures) == (2, ())
     boxes = RunFolder(tmp_path / "results" / "clips" / "still").boxes("b")
     np.testing.assert_allclose(boxes[:, 0] - 10, 0.2 * np.arange(9), atol=0.06)
+    sequence = nat2024.load_dataset(tmp_path / "clips")["b"]
+    sent = pickle.loads(pickle.dumps(sequence))  # as workers get it
+    np.testing.assert_array_equal(sent.image(5), sequence.image(5))
 
 
 class Picky(nat2024.Tracker):

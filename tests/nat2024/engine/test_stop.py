@@ -28,7 +28,7 @@ class Slow(Tracker):
 """
 
 
-@pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.parametrize("workers", [pytest.param(1, marks=pytest.mark.slow), 2])
 def test_interrupt(night_clip: Path, tmp_path: Path, workers: int) -> None:
     (tmp_path / "slow.py").write_text(SLOW)
     words = ["run", "--tracker", "slow", "--plugin", str(tmp_path / "slow.py"), "--device", "cpu"]

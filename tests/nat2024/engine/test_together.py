@@ -52,14 +52,14 @@ def counted(folder: Path) -> nat2024.Dataset:
 
 
 def test_the_same_bytes_as_one_combination_at_a_time(night_clip: Path, tmp_path: Path) -> None:
-    dataset = nat2024.load_dataset(night_clip)
+    dataset = nat2024.load_dataset(night_clip).select(["tall", "wide"])
     frame = combine(["still", "fdsst"], ["none", "clahe", "invert"], scope="frame")
     patch = combine(["fdsst@p", "kcf@p"], ["clahe"], scope="patch")
     run_benchmark([*frame, *patch], dataset, tmp_path / "together")
     for one in (*frame, *patch):
         run_benchmark([one], dataset, tmp_path / "alone")
     assert box_files(tmp_path / "together") == box_files(tmp_path / "alone")
-    assert len(box_files(tmp_path / "together")) == 8 * 3
+    assert len(box_files(tmp_path / "together")) == 8 * 2
 
 
 def test_a_frame_is_decoded_once_for_all_combinations(night_clip: Path, tmp_path: Path) -> None:
