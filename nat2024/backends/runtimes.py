@@ -1,7 +1,7 @@
 """Which runtimes there are, and how each opens an ONNX file."""
 
 import importlib.util
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any, Literal, TypeAlias, get_args
 
@@ -153,6 +153,11 @@ def _providers_for(backend: BackendName, device: str) -> list[Any]:
     return [(_PROVIDERS["tensorrt"], chosen), *on_cuda] if backend == "tensorrt" else on_cuda
 
 
+def _places(names: Iterable[str]) -> list[int]:
+    """Which of a part's inputs a file still has: an export drops those that nothing uses."""
+    return [int(name.removeprefix("input")) for name in names]
+
+
 def _open_onnxruntime(network: Path | bytes, threads: int, providers: list[Any]) -> Session:
     import onnxruntime
 
@@ -162,9 +167,11 @@ def _open_onnxruntime(network: Path | bytes, threads: int, providers: list[Any])
     options.log_severity_level = 3  # its warnings speak of the graph, which no user wrote
     session = onnxruntime.InferenceSession(network, options, providers=providers)
     names = [one.name for one in session.get_inputs()]
+    places = _places(names)
 
     def run(arrays: Sequence[Array]) -> list[Array]:
-        found: list[Array] = session.run(None, dict(zip(names, arrays, strict=True)))
+        given = {name: arrays[place] for name, place in zip(names, places, strict=True)}
+        found: list[Array] = session.run(None, given)
         return found
 
     return run
@@ -185,9 +192,11 @@ def _open_openvino(network: Path | bytes, threads: int, precision: Precision) ->
     )
     request = compiled.create_infer_request()
     count = len(compiled.outputs)
+    places = _places(one.get_any_name() for one in compiled.inputs)
 
     def run(arrays: Sequence[Array]) -> list[Array]:
-        found = request.infer(list(arrays), share_inputs=True, share_outputs=False)
+        given = [arrays[place] for place in places]
+        found = request.infer(given, share_inputs=True, share_outputs=False)
         return [np.asarray(found[number]) for number in range(count)]
 
     return run

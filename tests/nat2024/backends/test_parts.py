@@ -171,6 +171,23 @@ def test_falls_back_to_fixed_shapes(backend: str) -> None:
     assert part.backend == backend
 
 
+@pytest.mark.parametrize("backend", RUNTIMES)
+@pytest.mark.parametrize("iterations", [1, 3])
+def test_an_input_that_nothing_uses_is_dropped(backend: str, iterations: int) -> None:
+    from nat2024 import create_enhancer
+
+    words = {"two_branch": False, "light_loss": False, "cross_attention": False}
+    options = {**words, "iterations": iterations}
+    plain = create_enhancer("ldenhancer", weights=False, **options)
+    other = create_enhancer("ldenhancer", weights=False, backend=backend, **options)
+    other.model.load_state_dict(plain.model.state_dict())
+    batch = torch.rand(1, 3, 48, 32)
+    torch.testing.assert_close(
+        other.enhance_batch(batch), plain.enhance_batch(batch), rtol=0, atol=1e-5
+    )
+    assert {part.backend for part in other._parts.values()} == {backend}
+
+
 class Random(nn.Module):
     """Never the same twice, so that no check can pass."""
 
