@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from nat2024 import types
+from nat2024.backends import all_in_torch
 from nat2024.engine import Combination, track_frame
 from nat2024.engine.timing import TimedEnhancer, now
 from nat2024.engine.workers import computing_threads
@@ -194,11 +195,12 @@ def _macs(tracker: Tracker, enhancer: Enhancer | None, image: Image) -> tuple[in
     """Of one update, and of the enhancer in it; None for a network that PyTorch does not run."""
     from nat2024.networks.macs import count_macs
 
-    whole = count_macs(tracker.update, image)
     seen = _Counts(tracker.enhancer)
-    if enhancer is not None:
-        tracker.enhancer = seen
-        tracker.update(image)
+    with all_in_torch():
+        whole = count_macs(tracker.update, image)
+        if enhancer is not None:
+            tracker.enhancer = seen
+            tracker.update(image)
     foreign = tracker.card.needs_weights and getattr(tracker, "model", None) is None
     return (None if foreign else whole), seen.macs
 

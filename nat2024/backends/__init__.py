@@ -6,7 +6,7 @@ held against PyTorch on the very tensors of its first call, before any result of
 """
 
 from nat2024.backends.files import ExportedPart, write_onnx
-from nat2024.backends.parts import CompiledPart, Part, Recorder, compile_parts
+from nat2024.backends.parts import CompiledPart, Part, Recorder, all_in_torch, compile_parts
 from nat2024.backends.runtimes import (
     BACKENDS,
     FASTEST_FIRST,
@@ -31,6 +31,7 @@ __all__ = [
     "Part",
     "Precision",
     "Recorder",
+    "all_in_torch",
     "backends_of",
     "compile_parts",
     "is_installed",

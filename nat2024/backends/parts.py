@@ -1,7 +1,9 @@
 """Parts of a network that another backend runs, checked against PyTorch before they are used."""
 
+import contextlib
 import logging
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextvars import ContextVar
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -21,6 +23,18 @@ TOLERANCES: Mapping[Precision, float] = {"float32": 1e-4, "bfloat16": 0.1}
 
 _MOST_SHAPES = 16
 """Sessions of fixed shape that are kept; inputs of further shapes run in PyTorch."""
+
+_is_all_in_torch: ContextVar[bool] = ContextVar("_is_all_in_torch", default=False)
+
+
+@contextlib.contextmanager
+def all_in_torch() -> Iterator[None]:
+    """Let PyTorch run every part meanwhile, for tools of its own that watch what is computed."""
+    token = _is_all_in_torch.set(True)
+    try:
+        yield
+    finally:
+        _is_all_in_torch.reset(token)
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +103,7 @@ class CompiledPart:
         """
         import torch
 
-        if self._is_left_to_torch() or torch.is_grad_enabled():
+        if self._is_left_to_torch() or _is_all_in_torch.get() or torch.is_grad_enabled():
             return self.part.run(*inputs)
         opened = self._opened()
         if self._threads != torch.get_num_threads():

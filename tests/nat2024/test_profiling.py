@@ -1,9 +1,13 @@
 """What a combination costs, counted by hand for a network that is small enough."""
 
+from dataclasses import replace
+
 import pytest
 
 from nat2024 import load_dataset
+from nat2024.backends import is_installed
 from nat2024.engine import combine
+from nat2024.engine.plan import PluginSpec
 from nat2024.errors import NatBenchError, UsageError
 from nat2024.profiling import _measure, _to_and_fro, profile
 
@@ -67,6 +71,17 @@ def plugins(tmp_path):
 @pytest.fixture(scope="module")
 def sequence():
     return next(iter(load_dataset("night_mini")))
+
+
+@pytest.mark.skipif(not is_installed("onnxruntime", "cpu"), reason="no other runtime is installed")
+def test_counts_do_not_depend_on_the_backend(plugins, sequence, monkeypatch, tmp_path):
+    monkeypatch.setenv("NAT2024_CACHE", str(tmp_path))
+    options = {"weights": False, "options": {"backend": "onnxruntime"}}
+    [one] = combine(["toy_tracker"], ["none"])
+    one = replace(one, enhancer=PluginSpec("toy_enhancer", **options))
+    counted = _measure(one, sequence, 1, 0, (64, 36), 1, plugins)
+    assert counted.enhancer_macs == 10 * 12 * 3 * 3
+    assert counted.macs == counted.enhancer_macs + 8 * 10 * 2 * 3 * 9
 
 
 def test_counts_and_times(plugins, sequence):

@@ -21,6 +21,7 @@ class SCT(NeuralEnhancer):
     """
 
     card = read_card("nat2024_enhancers.sct")
+    fastest_backends = ("onnxruntime", "torch", "openvino")
 
     def __init__(self, *, statistics: Literal["running", "image"] = "running", **base: Any) -> None:
         """Build the network and load its weights; `base` as in `NeuralEnhancer`.

@@ -12,6 +12,7 @@ from nat2024.backends import (
     TORCH_FIRST,
     CompiledPart,
     Part,
+    all_in_torch,
     backends_of,
     exporting,
     is_installed,
@@ -147,6 +148,17 @@ def test_gradients_flow_through_torch(network: Small) -> None:
     image = torch.rand(1, 3, 16, 16, requires_grad=True)
     compiled(network, *RUNTIMES)(image)[0].sum().backward()
     assert image.grad is not None
+
+
+@pytest.mark.parametrize("backend", RUNTIMES)
+def test_all_in_torch_is_all_in_torch_for_as_long(network: Small, backend: str) -> None:
+    part, image = compiled(network, backend), torch.rand(1, 3, 16, 16)
+    with torch.no_grad():
+        with all_in_torch():
+            assert torch.equal(part(image)[0], network(image)[0])
+        assert not cache_folder().exists()
+        part(image)
+    assert cache_folder().exists()
 
 
 class FixedOnly(nn.Module):

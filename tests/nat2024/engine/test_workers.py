@@ -145,7 +145,7 @@ def test_workers_end_with_their_parent(night_clip: Path, tmp_path: Path) -> None
     plugin = tmp_path / "sleepy.py"
     plugin.write_text(SLEEPY)
     words = ["run", "--tracker", "sleepy", "--plugin", str(plugin), "--device", "cpu", "-q"]
-    words += ["--dataset", str(night_clip), "--results", str(tmp_path), "--workers", "2"]
+    words += ["--dataset", str(night_clip), "--results", str(tmp_path), "--timeout", "600"]
     process = subprocess.Popen([sys.executable, "-m", "nat2024", *words])
     while process.poll() is None and len(list((tmp_path / "night_clip").glob("*/*.txt"))) < 2:
         time.sleep(0.02)
