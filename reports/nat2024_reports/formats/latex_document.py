@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from nat2024_reports.formats.widths import fitting_parts
 from nat2024_reports.tables import Cell, Table, heading_lines
 
-_WIDTH = 104
+_WIDTH = 97
 """Letters on a line of the page below, in small print and with the gaps of its columns."""
 
 _LONGEST = 40
@@ -98,17 +98,14 @@ def _alignment(table: Table) -> str:
 
 
 def _heading(table: Table) -> list[str]:
-    """Headings; those of numbers break at blanks, as far as they are longer than the numbers."""
+    """Headings; those of numbers break at blanks, as `fitting_parts` counts them."""
     stacks = [
-        [column.heading] if column.is_words else _lines(column.heading) for column in table.columns
+        [column.heading] if column.is_words else heading_lines(column.heading)
+        for column in table.columns
     ]
     height = max(map(len, stacks), default=1)
     padded = [[""] * (height - len(stack)) + stack for stack in stacks]
     return [" & ".join(map(_escape, line)) + r" \\" for line in zip(*padded, strict=True)]
-
-
-def _lines(heading: str, short: int = 8) -> list[str]:
-    return [heading] if len(heading) <= short else heading_lines(heading)
 
 
 def _body(table: Table) -> list[str]:

@@ -97,7 +97,7 @@ def test_html_escapes_and_marks() -> None:
 def test_latex_escapes_and_marks(paper: pd.DataFrame) -> None:
     text = render([overall_table(paper)], "latex")
     assert r"\caption{uavdark\_135: 135 sequences" in text
-    assert r"gain \%" in text
+    assert r"gain~\%" in text
     assert r"siamrpnpp & ldenhancer & \textbf{0.434} & +16.667" in text
     assert r"\underline{0.421}" in text
     text = render([nasty()], "latex")
@@ -157,3 +157,17 @@ def test_wide_tables_come_in_parts() -> None:
     assert fitting_parts(wide(2))[0].caption == "wide"
     narrow = fitting_parts(wide(2), width=10)  # nothing fits: one part of a score each
     assert len(narrow) == 2
+
+
+@pytest.mark.latex
+@pytest.mark.skipif(shutil.which("pdflatex") is None, reason="no LaTeX on this machine")
+def test_latex_tables_of_many_groups_stay_within_the_margins(tmp_path: Path) -> None:
+    heads = ["Tracker", "Enhancer", *(f"{name} (17)" for name in ("ARV", "OCC", "DEF", "FCM") * 4)]
+    columns = tuple(Column(head, is_words=number < 2) for number, head in enumerate(heads))
+    row = (words("LightTrack"), words("LDEnhancer"), *(score(0.593, 1) for _ in heads[2:]))
+    text = render([Table("Attributes", columns, ((row,),))], "latex")
+    (tmp_path / "table.tex").write_text(text)
+    subprocess.run(
+        ["pdflatex", "-interaction=batchmode", "table.tex"], cwd=tmp_path, check=True, timeout=60
+    )
+    assert "Overfull" not in (tmp_path / "table.log").read_text()
