@@ -71,8 +71,8 @@ def exported(
     raw = export_onnx(module, run, examples, dynamic=dynamic)
     try:
         write_atomic(path, raw, durable=False)
-    except Unwritable as error:
-        _tell_once(f"{error}; networks are exported anew each time")
+    except Unwritable:
+        _tell_once(f"{path.parent} cannot be written; networks are exported anew in each process")
         return raw
     trim(path.parent, _MOST_BYTES)
     return path
