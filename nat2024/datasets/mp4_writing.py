@@ -1,12 +1,12 @@
 """Writing MP4 videos (H.264) with the FFmpeg that the extra `video` brings."""
 
 import contextlib
-import os
 from collections.abc import Generator
 from pathlib import Path
 from typing import Any
 
 from nat2024.errors import Unwritable
+from nat2024.files import remove_leftovers, temporary_beside
 from nat2024.types import Image
 
 MP4_ENDING = ".mp4"
@@ -24,7 +24,7 @@ class Mp4File:
             rate: frames a second.
         """
         self._path, self._size, self._rate = path, size, rate
-        self._begun = path.with_name(f".{path.stem}.{os.getpid()}.part{MP4_ENDING}")
+        self._begun = temporary_beside(path, MP4_ENDING)  # FFmpeg goes by the ending
         self._writer: Generator[None, bytes, None] | None = None
 
     def __enter__(self) -> "Mp4File":
@@ -36,6 +36,7 @@ class Mp4File:
         ffmpeg = _ffmpeg(self._path)
         try:
             self._path.parent.mkdir(parents=True, exist_ok=True)
+            remove_leftovers(self._path.parent)
             self._begun.touch()
         except OSError as error:
             msg = f"{self._path}: cannot be written ({error.strerror or error})"

@@ -1,3 +1,4 @@
+import os
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -18,6 +19,7 @@ from nat2024.enhancing import (
 )
 from nat2024.enhancing.feeding import enhance
 from nat2024.errors import ResultConflict, UnknownPlugin, UsageError
+from nat2024.files import temporary_beside
 from nat2024.registry import load_plugin
 from nat2024_reports.figures.enhancement import maps_figure
 
@@ -271,7 +273,9 @@ def test_a_video_that_breaks_leaves_nothing_half_written(
         with pytest.raises(KeyboardInterrupt):
             enhance_images(given, ["gamma"], out)
     assert files(out) == ["gamma.json"]
-    (out / "gamma" / ".v.999.part.webm").write_bytes(b"of a killed process")
+    begun = temporary_beside(out / "gamma" / "v.webm", ".webm").name
+    dead = begun.replace(f"-{os.getpid()}-", "-999999999-")
+    (out / "gamma" / dead).write_bytes(b"of a killed process")
     assert enhance_images(given, ["gamma"], out).enhancers[0].written == 7
     assert files(out) == ["gamma.json", "gamma/v.webm"]
 
