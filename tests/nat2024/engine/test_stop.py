@@ -28,11 +28,19 @@ class Slow(Tracker):
 """
 
 
-@pytest.mark.parametrize("workers", [pytest.param(1, marks=pytest.mark.slow), 2])
-def test_interrupt(night_clip: Path, tmp_path: Path, workers: int) -> None:
+@pytest.mark.parametrize(
+    "how",
+    [
+        ["--timeout", "600"],  # one worker
+        pytest.param(["--workers", "1"], marks=pytest.mark.slow),
+        pytest.param(["--workers", "2"], marks=pytest.mark.slow),
+    ],
+    ids="-".join,
+)
+def test_interrupt(night_clip: Path, tmp_path: Path, how: list[str]) -> None:
     (tmp_path / "slow.py").write_text(SLOW)
     words = ["run", "--tracker", "slow", "--plugin", str(tmp_path / "slow.py"), "--device", "cpu"]
-    more = ["--dataset", str(night_clip), "--results", str(tmp_path), "--workers", str(workers)]
+    more = ["--dataset", str(night_clip), "--results", str(tmp_path), *how]
     process = subprocess.Popen(
         [sys.executable, "-m", "nat2024", *words, *more],
         stdout=subprocess.PIPE,
