@@ -171,6 +171,7 @@ def test_who_cannot_goes_alone_and_it_is_said(
 def test_from_the_command_line(night_clip: Path, tmp_path: Path) -> None:
     words = ["run", "--tracker", "siamrpnpp", "--dataset", str(night_clip), "--device", "cpu"]
     words += ["--results", str(tmp_path), "--sequences", "tall,wide", "--batch", "2"]
+    words += ["--backend", "torch"]
     assert nat_bench(words) == 0
     folder = RunFolder(tmp_path / "night_clip" / "siamrpnpp")
     manifest = folder.manifest()
