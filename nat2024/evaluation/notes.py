@@ -86,7 +86,7 @@ _TEXTS: dict[str, tuple[Callable[[Any], str], str]] = {
         "result and ground truth differ in length",
     ),
     "missing_sequences": (
-        lambda names: f"no result of {len(names)} sequences, {_names(names)}",
+        lambda names: f"no result of {_count(len(names))}, {_names(names)}",
         "no result of some sequences",
     ),
     "skipped_frames": (
@@ -167,6 +167,10 @@ def _deviations(deviation: Mapping[str, float]) -> str:
     shown = {"success_auc": "success", "precision_20": "precision"}
     texts = [f"{word} {deviation[name]:.4f}" for name, word in shown.items() if name in deviation]
     return f", standard deviation {', '.join(texts)}" if texts else ""
+
+
+def _count(sequences: int) -> str:
+    return "1 sequence" if sequences == 1 else f"{sequences} sequences"
 
 
 def _names(names: Collection[str], count: int = 5) -> str:

@@ -1,5 +1,6 @@
 """Making the enhancers of runs again, from what their manifests say."""
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -37,7 +38,9 @@ def make_again(record: PluginRecord, device: str = "cpu") -> "Enhancer":
             continue
         if made.weights is not None and made.weights.sha256 == record.weights.sha256:
             return made
-    msg = f"the weights that {record.title} had are no longer at hand ({record.weights.path})"
+    # The name alone: pages that show this are passed on, and paths tell about one's machine.
+    name = Path(record.weights.path).name
+    msg = f"the weights that {record.title} had are no longer at hand ({name})"
     raise WeightsMissing(msg)
 
 

@@ -121,7 +121,7 @@ def test_what_is_missing_is_noted(results: Path, dataset: Dataset) -> None:
     (results / "clip" / "mil" / "short.txt").unlink()
     evaluation = nat2024.evaluate(results, dataset)
     assert evaluation.notes()["missing_sequences"] == {"mil": ["short"]}
-    assert "mil: no result of 1 sequences, short" in evaluation.remarks()
+    assert "mil: no result of 1 sequence, short" in evaluation.remarks()
     assert evaluation.summary().sequences.tolist() == [1, 2]
 
 
@@ -252,7 +252,7 @@ def test_what_holds_for_many_runs_is_said_once(results: Path, dataset: Dataset) 
     for run in ("kcf", "mosse", "fdsst"):
         nat2024.write_boxes(results / "clip" / run / "long.txt", LEFT)
     lines = nat2024.evaluate(results, dataset).remarks()
-    assert "fdsst, kcf, mosse: no result of 1 sequences, short" in lines
+    assert "fdsst, kcf, mosse: no result of 1 sequence, short" in lines
     assert sum("strict" in line for line in lines) == 1
     assert lines[-1] == (
         "5 runs differ from protocol strict, most fdsst: "

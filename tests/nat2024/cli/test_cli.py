@@ -185,7 +185,7 @@ def test_missing_sequences_and_bad_rows_are_told(results: Path, cli: Any) -> Non
     (folder / "wide.txt").write_text("\n".join([*text[:-1], "NaN,NaN,NaN,NaN"]))
     status, out, err = cli("eval", "--results", results, "--json")
     assert status == 0
-    assert "still: no result of 1 sequences, tall" in err
+    assert "still: no result of 1 sequence, tall" in err
     assert "still: 1 bad result rows in wide" in err
     notes = json.loads(out)["notes"]["night_clip"]
     assert notes["missing_sequences"] == {"still": ["tall"]}

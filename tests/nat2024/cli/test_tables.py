@@ -207,7 +207,7 @@ def test_no_manifest_no_results_and_strange_names(
     assert status == 0
     assert "<script>" not in out
     assert "&lt;script&gt;" in out
-    assert "no result of 1 sequences, car1" in err
+    assert "no result of 1 sequence, car1" in err
     status, _, err = table(cli, results, "--dataset", dataset, "--layout", "speed")
     assert (status, err.splitlines()[-1]) == (
         2,
