@@ -112,7 +112,7 @@ def backends_of(
 def _remedy(backend: BackendName, device: str) -> str:
     """What makes a backend run on a device, or that nothing does."""
     if backend == "openvino":
-        on_cpu = "pip install 'nat-bench[onnx,openvino]' brings openvino"
+        on_cpu = "pip install 'nat-bench[openvino]' brings openvino"
         return on_cpu if _kind(device) == "cpu" else "openvino runs on device cpu only"
     if backend == "tensorrt" and _kind(device) == "cpu":
         return "it runs on device cuda only"
