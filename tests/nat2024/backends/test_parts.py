@@ -272,7 +272,7 @@ def test_auto_takes_a_networks_own_order(monkeypatch: pytest.MonkeyPatch) -> Non
 def test_what_is_missing_is_told_as_it_can_be_had(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(runtimes, "is_installed", lambda *_: False)
     for backend, device, remedy in [
-        ("openvino", "cpu", r"pip install 'nat-bench\[onnx,openvino\]'"),
+        ("openvino", "cpu", r"pip install 'nat-bench\[openvino\]'"),
         ("openvino", "cuda", "openvino runs on device cpu only"),
         ("onnxruntime", "cpu", r"pip install 'nat-bench\[onnx\]'"),
         ("onnxruntime", "cuda", "with onnxruntime-gpu, or"),
