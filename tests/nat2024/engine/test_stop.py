@@ -28,6 +28,11 @@ class Slow(Tracker):
 """
 
 
+def hear_interrupts() -> None:
+    """In the new process: what a shell has started in the background ignores Ctrl-C."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
 @pytest.mark.parametrize(
     "how",
     [
@@ -46,6 +51,7 @@ def test_interrupt(night_clip: Path, tmp_path: Path, how: list[str]) -> None:
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         start_new_session=True,
+        preexec_fn=hear_interrupts,
     )
     folder = tmp_path / "night_clip" / "slow"
     while process.poll() is None and len(list(folder.glob("*.txt"))) < 2:
