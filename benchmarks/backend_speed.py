@@ -1,14 +1,14 @@
 """Time of networks in each backend against the same networks written plainly (`peers/`).
 
-    python benchmarks/backend_speed.py [--networks ldenhancer@287x287,siamrpnpp] [--threads 2]
+    python benchmarks/backend_speed.py [--networks ldenhancer@287x287,siamrpnpp] [--threads 1,2]
         [--repeats 15] [--seconds 60] [--limit 600] [--memory] [--json] [--update docs/backends.md]
 
 An enhancer is measured on one dark frame of the size after its `@`; a tracker on the maps of one
 search crop, template features kept; TRACKER+ENHANCER@WxH on whole updates with frames of that size,
-cropping, enhancing the search crop, the network and decoding together. All sides get the same fresh
-weights and the same noise and take turns in one process; times are medians. "Away" is the largest
-difference from the plain form in shares of its largest output (of 1 for images, of the box for
-updates). With `--memory` the megabytes (10^6) that a first frame adds to the peak of a fresh
+cropping, enhancing the search crop, the network and decoding together. All sides get fresh weights
+and the same noise and take turns in one process; times are medians. "Away" is the largest
+difference from our own form in torch, in shares of its largest output (of 1 for images, of the box
+for updates). With `--memory` the megabytes (10^6) that a first frame adds to the peak of a fresh
 process are told too, the loading of the runtime included.
 """
 
@@ -216,7 +216,7 @@ def time_all(network: str, threads: int, repeats: int, seconds: float) -> dict[s
     with torch.no_grad():
         sides = {s: call for s, call in sides_of(network, threads).items() if s in known}
         outputs = {side: _as_tuple(call()) for side, call in sides.items()}
-        away = {side: _away(found, outputs["peer"]) for side, found in outputs.items()}
+        away = {side: _away(found, outputs["torch"]) for side, found in outputs.items()}
         times = take_turns(sides, repeats, seconds)
     return {"ms": times, "away": {side: away[side] for side in known[1:]}}
 
@@ -260,7 +260,7 @@ def main() -> None:
     """Measure, print, and update a page."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--networks", default=DEFAULT, help="ENHANCER@WxH or TRACKER, with commas")
-    parser.add_argument("--threads", default="2")
+    parser.add_argument("--threads", default="1", help="numbers, with commas")
     parser.add_argument("--repeats", type=int, default=15)
     parser.add_argument("--seconds", type=float, default=60, help="time for the repeats of a line")
     parser.add_argument("--limit", type=float, default=600, help="seconds a process may take")
