@@ -28,6 +28,9 @@ _NEWLINE, _PLUS, _COMMA, _MINUS = b"\n+,-"
 _IRREGULAR = b"\0"
 _DECIMAL = b".eENna+"
 _INTEGER_WIDTH = 18  # digits and sign that int64 surely holds
+_SHORT_WIDTH = 4  # digits that two pairs of bytes hold
+_ZERO, _NINE, _TEN = np.uint8(48), np.uint8(9), np.uint8(10)
+_HUNDRED = np.uint16(100)
 
 
 def _regular_table() -> bytes:
@@ -117,7 +120,11 @@ def _parse_regular(raw: bytes, lengths: tuple[int, ...]) -> Floats | None:
     if b" " in body:
         body = body.replace(b", ", b",")
     # both ends padded so that every number lies between two separators
-    lines = b"\n" + body.translate(_REGULAR) + b"\n"
+    lines = b"\n" + body + b"\n"
+    short = _parse_short_integers(lines, lengths)
+    if short is not None:
+        return short
+    lines = lines.translate(_REGULAR)
     if _IRREGULAR in lines:
         return None
     codes = np.frombuffer(lines, dtype=np.uint8)
@@ -139,6 +146,64 @@ def _parse_regular(raw: bytes, lengths: tuple[int, ...]) -> Floats | None:
     else:
         values = _parse_integers(numbers, codes[separators[:-1] + 1], widths - 1)
     return None if values is None else values.reshape(-1, width)
+
+
+def _parse_short_integers(lines: bytes, lengths: tuple[int, ...]) -> Floats | None:
+    """Rows of whole numbers of at most four digits, all parted alike; None for any other text.
+
+    Most trackers write such boxes. Every step goes over all bytes at once, and no number is looked
+    at by itself.
+    """
+    if b"." in lines or b"/" in lines:
+        return None
+    codes = np.frombuffer(lines, dtype=np.uint8)
+    edges = np.flatnonzero(codes <= _COMMA)
+    width = _common_width(codes.take(edges[1:]).tobytes())
+    if width not in lengths:
+        return None
+    digits = edges[1:] - edges[:-1]
+    digits -= 1
+    signed = codes.take(edges[:-1] + 1) == _MINUS if b"-" in lines else None
+    if signed is not None:
+        digits -= signed
+        if lines.count(b"-") != np.count_nonzero(signed):
+            return None
+    if digits.min() < 1 or digits.max() > _SHORT_WIDTH:
+        return None
+    found = _whole_numbers(codes)
+    if found is None:
+        return None
+    values = found.take(edges[1:] - 1).astype(np.float64)
+    if signed is not None:
+        values[signed] *= -1.0  # a negative zero keeps its sign
+    return values.reshape(-1, width)
+
+
+def _common_width(separators: bytes) -> int:
+    """How many numbers each line has, by what follows each number; 0 where lines differ."""
+    width = separators.find(b"\n") + 1
+    row = separators[:width]
+    if width == 0 or row[:-1].strip(b", \t") or row * (len(separators) // width) != separators:
+        return 0
+    return width
+
+
+def _whole_numbers(codes: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint16] | None:
+    """At each byte the number of the last digits up to there, at most four; None where one is none.
+
+    Minus signs count as separators.
+    """
+    is_digit = (codes >= _ZERO).view(np.uint8)
+    pairs = codes - _ZERO
+    pairs *= is_digit
+    if pairs.max() > _NINE:
+        return None
+    tens = pairs * _TEN
+    pairs[1:] += tens[:-1]
+    pairs *= is_digit
+    numbers = pairs.astype(np.uint16)
+    numbers[2:] += (pairs[:-2] * is_digit[1:-1]) * _HUNDRED
+    return numbers
 
 
 def _parse_integers(
