@@ -1,14 +1,117 @@
-"""Convolutions of inputs that lie side by side, without copying them together first."""
+"""Convolutions at inference, in the form that is fastest for them."""
 
+import contextlib
+from collections.abc import Iterator
+from contextvars import ContextVar
+
+import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
+
+from nat2024.networks.winograd import WinogradConvolution
+
+_KERNELS = (3, 5)
+_CHANNELS = 128**2
+"""Channels in times channels out from which fewer multiplications save more than they cost."""
+
+_CELLS = 100
+"""Outputs of a channel, likewise: those of template crops are computed once for a sequence."""
+
+_is_plain: ContextVar[bool] = ContextVar("_is_plain", default=False)
+
+
+@contextlib.contextmanager
+def plain_convolutions() -> Iterator[None]:
+    """Compute every `Convolution` as the sum that it is by definition, to count what it costs."""
+    token = _is_plain.set(True)
+    try:
+        yield
+    finally:
+        _is_plain.reset(token)
+
+
+class Convolution:
+    """A convolution without groups whose weights stay as they are; for inference.
+
+    Channels-last, which is faster on a CPU, and there with Winograd's transforms where they save
+    time: in float32, with stride 1, many channels and kernels of 3 or 5. These give the same numbers
+    but for rounding. Keep it in a `Derived`.
+    """
+
+    def __init__(
+        self,
+        weight: Tensor,
+        bias: Tensor | None = None,
+        stride: tuple[int, ...] | int = 1,
+        padding: tuple[int, ...] | int = 0,
+    ) -> None:
+        """Take the weights.
+
+        Args:
+            weight: (channels out, channels in, height, width) of the kernel.
+            bias: (channels out,).
+            stride: of both dimensions, or of each.
+            padding: zeros on each side, likewise.
+        """
+        self.weight = weight.detach().contiguous(memory_format=torch.channels_last)
+        self.bias = None if bias is None else bias.detach()
+        self.stride, self.padding = _pair(stride), _pair(padding)
+        self._may_transform = _has_few_products(self.weight, self.stride, self.padding)
+        self._transformed: WinogradConvolution | None = None
+
+    @classmethod
+    def of(cls, layer: nn.Conv2d) -> "Convolution":
+        """The convolution of a layer without groups, dilation or padding by name."""
+        assert not isinstance(layer.padding, str)
+        return cls(layer.weight, layer.bias, layer.stride, layer.padding)
+
+    def __call__(self, maps: Tensor) -> Tensor:
+        """From (n, channels in, h, w) to (n, channels out, ...), channels-last."""
+        if not self._may_transform or _is_plain.get() or not self._pays(maps):
+            maps = maps.contiguous(memory_format=torch.channels_last)
+            return F.conv2d(maps, self.weight, self.bias, self.stride, self.padding)
+        if self._transformed is None:
+            # Ordinary tensors, whatever mode asks first.
+            with torch.inference_mode(mode=False), torch.no_grad():
+                self._transformed = WinogradConvolution(self.weight, self.bias)
+        return self._transformed(maps, self.padding[0])
+
+    def _pays(self, maps: Tensor) -> bool:
+        height, width = (
+            side + 2 * self.padding[0] - self.weight.shape[-1] + 1 for side in maps.shape[-2:]
+        )
+        return (
+            type(maps) is Tensor  # none that only has a shape
+            and maps.device.type == "cpu"
+            and maps.dtype == torch.float32
+            and height * width >= _CELLS
+        )
+
+
+def _pair(value: tuple[int, ...] | int) -> tuple[int, int]:
+    both = (value, value) if isinstance(value, int) else value
+    vertical, horizontal = both
+    return vertical, horizontal
+
+
+def _has_few_products(weight: Tensor, stride: tuple[int, int], padding: tuple[int, int]) -> bool:
+    """Whether Winograd's form exists for a convolution, and has enough channels to pay."""
+    channels_out, channels_in, height, width = weight.shape
+    return (
+        height == width
+        and height in _KERNELS
+        and stride == (1, 1)
+        and padding[0] == padding[1]
+        and weight.dtype == torch.float32
+        and channels_in * channels_out >= _CHANNELS
+    )
 
 
 def convolve_pair(layer: nn.Conv2d, first: Tensor, second: Tensor) -> Tensor:
     """What `layer` gives for the channels of `first` followed by those of `second`.
 
-    The sum over input channels is taken in two parts, so that results differ from those of the
-    concatenated inputs by rounding only.
+    Neither is copied to lie beside the other. The sum over input channels is taken in two parts,
+    so that results differ from those of the concatenated inputs by rounding only.
 
     Args:
         layer: a convolution without groups, with zero padding.

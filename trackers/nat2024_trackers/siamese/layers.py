@@ -1,9 +1,9 @@
 """Convolutions with their norms, as the heads of Siamese networks have them."""
 
-import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
+from nat2024.networks.convolving import Convolution
 from nat2024.networks.folding import Derived, fold_batch_norm, may_derive
 
 _GROUPS = 32
@@ -12,8 +12,8 @@ _GROUPS = 32
 class Layers(nn.Sequential):
     """A sequence that begins with a convolution; faster than `nn.Sequential` at inference.
 
-    There every batch norm is part of the convolution before it, the maps are channels-last, and
-    ReLUs work in place. Keys are those of `nn.Sequential`.
+    There every batch norm is part of the convolution before it, and ReLUs work in place. Keys are
+    those of `nn.Sequential`.
     """
 
     def __init__(self, *layers: nn.Module) -> None:
@@ -28,29 +28,26 @@ class Layers(nn.Sequential):
                 maps = layer(maps)
             return maps
         folded = self._folded()
-        maps = maps.contiguous(memory_format=torch.channels_last)
         for number, layer in enumerate(self):
             if isinstance(layer, nn.Conv2d):
-                weight, bias = folded[number]
-                maps = F.conv2d(maps, weight, bias, layer.stride, layer.padding)
+                maps = folded[number](maps)
             elif isinstance(layer, nn.ReLU):
                 maps = F.relu_(maps)
             elif not isinstance(layer, nn.BatchNorm2d):
                 maps = layer(maps)
         return maps
 
-    def _fold(self) -> dict[int, tuple[Tensor, Tensor | None]]:
-        """Weight and bias of each convolution, by its place, with the norm after it."""
+    def _fold(self) -> dict[int, Convolution]:
+        """Each convolution, by its place, with the norm after it."""
         layers = [*self, None]
         found = {}
         for number, layer in enumerate(self):
             if isinstance(layer, nn.Conv2d):
                 follower = layers[number + 1]
-                weight, bias = layer.weight.detach(), layer.bias
+                folded = (layer.weight, layer.bias)
                 if isinstance(follower, nn.BatchNorm2d):
-                    weight, bias = fold_batch_norm(layer, follower)
-                weight = weight.contiguous(memory_format=torch.channels_last)
-                found[number] = (weight, bias)
+                    folded = fold_batch_norm(layer, follower)
+                found[number] = Convolution(*folded, layer.stride, layer.padding)
         return found
 
 
