@@ -11,6 +11,9 @@ import pytest
 import torch
 from torch import nn
 
+from nat2024.interfaces import NeuralEnhancer
+from nat2024.registry import create_enhancer
+
 _NORMS = (nn.modules.batchnorm._BatchNorm, nn.LayerNorm, nn.InstanceNorm2d)
 
 
@@ -57,6 +60,54 @@ def describe_array(array: Any, samples: int = 24) -> dict[str, Any]:
 @pytest.fixture(scope="session")
 def procedural_state() -> Callable[..., dict[str, torch.Tensor]]:
     return make_procedural_state
+
+
+@pytest.fixture(scope="session")
+def procedural_network() -> Callable[[nn.Module], nn.Module]:
+    """Gives a network procedural weights, in evaluation mode."""
+
+    def fill(network: nn.Module) -> nn.Module:
+        network.load_state_dict(make_procedural_state(network))
+        return network.eval()
+
+    return fill
+
+
+@pytest.fixture(scope="session")
+def procedural_enhancer(
+    procedural_network: Callable[[nn.Module], nn.Module],
+) -> Callable[..., NeuralEnhancer]:
+    """Creates an enhancer by name and options, with procedural weights."""
+
+    def create(name: str, **options: Any) -> NeuralEnhancer:
+        enhancer = create_enhancer(name, weights=False, **options)
+        assert isinstance(enhancer, NeuralEnhancer)
+        procedural_network(enhancer.model)
+        return enhancer
+
+    return create
+
+
+@pytest.fixture(scope="session")
+def train_a_little() -> Callable[..., list[float]]:
+    """Trains a network towards an even image in a few steps; gives their losses."""
+
+    def train(
+        network: nn.Module, batch: torch.Tensor, *, rate: float, steps: int = 8
+    ) -> list[float]:
+        optimiser = torch.optim.Adam(network.parameters(), lr=rate)
+        losses = []
+        for _ in range(steps):
+            answer = network(batch)
+            enhanced = answer[0] if isinstance(answer, tuple) else answer
+            loss = nn.functional.mse_loss(enhanced, torch.full_like(batch, 0.6))
+            optimiser.zero_grad()
+            loss.backward()
+            optimiser.step()
+            losses.append(loss.item())
+        return losses
+
+    return train
 
 
 @pytest.fixture(scope="session")

@@ -22,10 +22,8 @@ def name(request):
 
 
 @pytest.fixture
-def enhancer(name, procedural_state):
-    enhancer = create_enhancer(name, weights=False)
-    enhancer.model.load_state_dict(procedural_state(enhancer.model))
-    return enhancer
+def enhancer(name, procedural_enhancer):
+    return procedural_enhancer(name)
 
 
 def test_procedural_weights_give_the_stored_numbers(name, enhancer, procedural_batch, describe):
@@ -77,28 +75,27 @@ def test_nan_does_no_harm_beyond_nan(enhancer, procedural_batch):
     assert batch_to_image(answer[:1]).shape == (24, 36, 3)
 
 
-def test_answers_are_limited_unless_asked_otherwise(enhancer):
+def test_answers_are_limited_unless_asked_otherwise(enhancer, procedural_enhancer):
     bright = torch.tensor([1.5, 0.2, 0.1])[None, :, None, None].expand(1, 3, 24, 24)
-    raw = create_enhancer(enhancer.name, weights=False, clamp=False)
-    raw.model.load_state_dict(enhancer.model.state_dict())
+    raw = procedural_enhancer(enhancer.name, clamp=False)
     assert raw.enhance_batch(bright).max() > 1
     assert torch.equal(enhancer.enhance_batch(bright), raw.enhance_batch(bright).clamp(0, 1))
 
 
-def test_channel_order_rgb_turns_batches_that_come_in_bgr(enhancer, procedural_batch):
+def test_channel_order_rgb_turns_batches_that_come_in_bgr(
+    enhancer, procedural_enhancer, procedural_batch
+):
     batch = procedural_batch("curves.order", (1, 3, 24, 36))
-    turned = create_enhancer(enhancer.name, weights=False, channel_order="rgb")
-    turned.model.load_state_dict(enhancer.model.state_dict())
+    turned = procedural_enhancer(enhancer.name, channel_order="rgb")
     expected = enhancer.enhance_batch(batch.flip(1)).flip(1)
     assert torch.equal(turned.enhance_batch(batch), expected)
 
 
-def test_images_are_fed_as_rgb_and_rounded(enhancer):
+def test_images_are_fed_as_rgb_and_rounded(enhancer, procedural_enhancer):
     image = night_image(25, 38)
     expected = batch_to_image(enhancer.enhance_batch(image_to_batch(image)))
     assert np.array_equal(enhancer.enhance(image), expected)
-    cut = create_enhancer(enhancer.name, weights=False, quantise="truncate")
-    cut.model.load_state_dict(enhancer.model.state_dict())
+    cut = procedural_enhancer(enhancer.name, quantise="truncate")
     difference = expected.astype(int) - cut.enhance(image)
     assert set(np.unique(difference)) == {0, 1}
 

@@ -17,20 +17,14 @@ GOLDEN = json.loads(
 )
 
 
-def make_network(procedural_state, **options):
-    network = DCEppNet(**options).eval()
-    network.load_state_dict(procedural_state(network))
-    return network
-
-
 def test_state_dict_has_the_official_names_and_shapes():
     network = DCEppNet()
     assert {k: list(v.shape) for k, v in network.state_dict().items()} == GOLDEN["state_dict"]
     assert sum(p.numel() for p in network.parameters()) == 10_561
 
 
-def test_the_image_is_stepped_eight_times_along_its_curve(procedural_state, procedural_batch):
-    network = make_network(procedural_state)
+def test_the_image_is_stepped_eight_times_along_its_curve(procedural_network, procedural_batch):
+    network = procedural_network(DCEppNet())
     batch = procedural_batch("dcepp.steps", (2, 3, 36, 48))
     with torch.no_grad():
         enhanced, curve = network(batch)
@@ -42,8 +36,8 @@ def test_the_image_is_stepped_eight_times_along_its_curve(procedural_state, proc
 
 @pytest.mark.parametrize("scale", [1, 4, 12])
 @pytest.mark.parametrize("size", [(12, 12), (36, 48), (132, 24)])
-def test_inference_and_training_forms_agree(procedural_state, procedural_batch, scale, size):
-    network = make_network(procedural_state, scale_factor=scale)
+def test_inference_and_training_forms_agree(procedural_network, procedural_batch, scale, size):
+    network = procedural_network(DCEppNet(scale_factor=scale))
     batch = procedural_batch("dcepp.forms", (2, 3, *size))
     with torch.no_grad():
         enhanced = network.enhance(batch)
@@ -52,8 +46,8 @@ def test_inference_and_training_forms_agree(procedural_state, procedural_batch, 
 
 
 @pytest.mark.parametrize("scale", [1, 12])
-def test_bands_equal_the_whole_image(procedural_state, procedural_batch, monkeypatch, scale):
-    network = make_network(procedural_state, scale_factor=scale)
+def test_bands_equal_the_whole_image(procedural_network, procedural_batch, monkeypatch, scale):
+    network = procedural_network(DCEppNet(scale_factor=scale))
     batch = procedural_batch("dcepp.bands", (2, 3, 84, 24))
     with torch.no_grad():
         whole = network.enhance(batch)
@@ -70,8 +64,8 @@ def test_enlarged_rows_are_those_of_the_library(procedural_batch):
         torch.testing.assert_close(rows, expected[..., start:stop, :], rtol=0, atol=1e-6)
 
 
-def test_the_input_is_left_alone(procedural_state, procedural_batch):
-    network = make_network(procedural_state)
+def test_the_input_is_left_alone(procedural_network, procedural_batch):
+    network = procedural_network(DCEppNet())
     batch = procedural_batch("dcepp.input", (1, 3, 24, 24))
     given = batch.clone()
     with torch.no_grad():
@@ -86,8 +80,10 @@ def test_sides_off_the_scale_factor_are_refused(size):
 
 
 @pytest.mark.parametrize("scale", [1, 12])
-def test_gradient_reaches_every_parameter_and_the_image(procedural_state, procedural_batch, scale):
-    network = make_network(procedural_state, scale_factor=scale).train()
+def test_gradient_reaches_every_parameter_and_the_image(
+    procedural_network, procedural_batch, scale
+):
+    network = procedural_network(DCEppNet(scale_factor=scale)).train()
     batch = procedural_batch("dcepp.gradient", (2, 3, 24, 36)).requires_grad_()
     enhanced, curve = network(batch)
     (enhanced.square().mean() + curve.square().mean()).backward()
@@ -97,16 +93,9 @@ def test_gradient_reaches_every_parameter_and_the_image(procedural_state, proced
         assert tensor.grad.any(), name
 
 
-def test_a_few_steps_lower_the_loss(procedural_batch):
+def test_a_few_steps_lower_the_loss(procedural_batch, train_a_little):
     torch.manual_seed(0)
     network = DCEppNet(scale_factor=1).train()
     batch = procedural_batch("dcepp.train", (2, 3, 24, 24))
-    optimiser = torch.optim.Adam(network.parameters(), lr=1e-3)
-    losses = []
-    for _ in range(8):
-        loss = F.mse_loss(network(batch)[0], torch.full_like(batch, 0.6))
-        optimiser.zero_grad()
-        loss.backward()
-        optimiser.step()
-        losses.append(loss.item())
+    losses = train_a_little(network, batch, rate=1e-3)
     assert losses[-1] < losses[0]

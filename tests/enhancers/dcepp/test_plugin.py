@@ -1,5 +1,7 @@
 """DCE++ as users create it: its size rules and its scale factor."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 import torch
@@ -12,13 +14,8 @@ from nat2024.testing.enhancers import night_image
 
 
 @pytest.fixture
-def create(procedural_state):
-    def make(**options):
-        enhancer = create_enhancer("dcepp", weights=False, **options)
-        enhancer.model.load_state_dict(procedural_state(enhancer.model))
-        return enhancer
-
-    return make
+def create(procedural_enhancer):
+    return partial(procedural_enhancer, "dcepp")
 
 
 @pytest.mark.parametrize(("size", "scale"), [((33, 50), 12), ((13, 300), 12), ((30, 31), 5)])

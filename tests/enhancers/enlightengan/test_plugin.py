@@ -1,27 +1,12 @@
-"""EnlightenGAN as users create it: weights, sizes, options, and errors that say what to do."""
+"""What is EnlightenGAN's own for users: its maps, and what attention means there."""
 
 import pytest
 import torch
 
-from nat2024.registry import create_enhancer
-from nat2024_enhancers.enlightengan.model import EnlightenGANNet
-
 
 @pytest.fixture(scope="module")
-def state(procedural_state):
-    return procedural_state(EnlightenGANNet())
-
-
-@pytest.fixture(scope="module")
-def weights(state, tmp_path_factory):
-    path = tmp_path_factory.mktemp("weights") / "procedural.pth"
-    torch.save(state, path)
-    return path
-
-
-@pytest.fixture(scope="module")
-def enhancer(weights):
-    return create_enhancer("enlightengan", weights=weights)
+def enhancer(procedural_enhancer):
+    return procedural_enhancer("enlightengan")
 
 
 def test_maps_have_the_size_of_the_image(enhancer, procedural_batch):

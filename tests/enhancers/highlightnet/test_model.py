@@ -5,7 +5,6 @@ from pathlib import Path
 
 import pytest
 import torch
-import torch.nn.functional as F
 
 from nat2024_enhancers.highlightnet import model as module
 from nat2024_enhancers.highlightnet.model import HighlightNet
@@ -17,12 +16,6 @@ GLOBAL = ("TF.", "model.", "F.")
 UNUSED = ("TF.norm0.weight", "TF.norm0.bias")
 
 
-def make_network(procedural_state, **options):
-    network = HighlightNet(**options).eval()
-    network.load_state_dict(procedural_state(network))
-    return network
-
-
 def test_state_dict_has_the_official_names_and_shapes():
     network = HighlightNet()
     assert {k: list(v.shape) for k, v in network.state_dict().items()} == GOLDEN["state_dict"]
@@ -30,9 +23,9 @@ def test_state_dict_has_the_official_names_and_shapes():
 
 
 def test_brightness_is_raised_to_a_power_and_cut_below_the_level(
-    procedural_state, procedural_batch
+    procedural_network, procedural_batch
 ):
-    network = make_network(procedural_state)
+    network = procedural_network(HighlightNet())
     batch = procedural_batch("highlightnet.formula", (2, 3, 21, 33))
     with torch.no_grad():
         enhanced, mask, dark = network(batch)
@@ -49,8 +42,8 @@ def test_brightness_is_raised_to_a_power_and_cut_below_the_level(
     assert not dark.all()
 
 
-def test_the_mask_is_that_of_the_layers_one_after_the_other(procedural_state, procedural_batch):
-    network = make_network(procedural_state)
+def test_the_mask_is_that_of_the_layers_one_after_the_other(procedural_network, procedural_batch):
+    network = procedural_network(HighlightNet())
     value = procedural_batch("highlightnet.mask", (2, 3, 19, 26))[:, :1]
     with torch.no_grad():
         x1 = network.e_conv1(value).relu()
@@ -63,8 +56,8 @@ def test_the_mask_is_that_of_the_layers_one_after_the_other(procedural_state, pr
         torch.testing.assert_close(network._range_mask(value), expected, rtol=0, atol=1e-6)
 
 
-def test_bands_equal_the_whole_image(procedural_state, procedural_batch, monkeypatch):
-    network = make_network(procedural_state)
+def test_bands_equal_the_whole_image(procedural_network, procedural_batch, monkeypatch):
+    network = procedural_network(HighlightNet())
     batch = procedural_batch("highlightnet.bands", (2, 3, 40, 24))
     whole = network(batch)[0].detach()
     with torch.no_grad():
@@ -75,9 +68,9 @@ def test_bands_equal_the_whole_image(procedural_state, procedural_batch, monkeyp
 
 @pytest.mark.parametrize("detach", [True, False])
 def test_gradient_reaches_the_transformer_only_where_levels_are_not_detached(
-    procedural_state, procedural_batch, detach
+    procedural_network, procedural_batch, detach
 ):
-    network = make_network(procedural_state, detach_levels=detach).train()
+    network = procedural_network(HighlightNet(detach_levels=detach)).train()
     batch = procedural_batch("highlightnet.gradient", (2, 3, 20, 28))
     enhanced, mask, dark = network(batch)
     (enhanced.square().mean() + mask.square().mean() + dark.mean()).backward()
@@ -88,16 +81,16 @@ def test_gradient_reaches_the_transformer_only_where_levels_are_not_detached(
     assert all(p.grad.isfinite().all() for p in names.values() if p.grad is not None)
 
 
-def test_detached_levels_are_the_same_numbers(procedural_state, procedural_batch):
+def test_detached_levels_are_the_same_numbers(procedural_network, procedural_batch):
     batch = procedural_batch("highlightnet.detach", (1, 3, 20, 28))
     answers = [
-        make_network(procedural_state, detach_levels=detach)(batch)[0] for detach in (True, False)
+        procedural_network(HighlightNet(detach_levels=detach))(batch)[0] for detach in (True, False)
     ]
     assert torch.equal(*answers)
 
 
-def test_dropout_is_for_training(procedural_state, procedural_batch):
-    network = make_network(procedural_state)
+def test_dropout_is_for_training(procedural_network, procedural_batch):
+    network = procedural_network(HighlightNet())
     batch = procedural_batch("highlightnet.dropout", (1, 3, 20, 28))
     assert torch.equal(network.levels(batch), network.levels(batch))
     torch.manual_seed(0)
@@ -105,16 +98,9 @@ def test_dropout_is_for_training(procedural_state, procedural_batch):
     assert not torch.equal(network.levels(batch), network.levels(batch))
 
 
-def test_a_few_steps_lower_the_loss(procedural_batch):
+def test_a_few_steps_lower_the_loss(procedural_batch, train_a_little):
     torch.manual_seed(0)
     network = HighlightNet(dropout=0.0).train()
     batch = procedural_batch("highlightnet.train", (2, 3, 24, 24))
-    optimiser = torch.optim.Adam(network.parameters(), lr=1e-2)
-    losses = []
-    for _ in range(8):
-        loss = F.mse_loss(network(batch)[0], torch.full_like(batch, 0.6))
-        optimiser.zero_grad()
-        loss.backward()
-        optimiser.step()
-        losses.append(loss.item())
+    losses = train_a_little(network, batch, rate=1e-2)
     assert losses[-1] < losses[0]

@@ -1,27 +1,12 @@
-"""LLVE as users create it: weights, sizes, options, and errors that say what to do."""
+"""What is LLVE's own for users: how short sides are filled up, and that there are no maps."""
 
 import pytest
 import torch
 
-from nat2024.registry import create_enhancer
-from nat2024_enhancers.llve.model import LLVENet
-
 
 @pytest.fixture(scope="module")
-def state(procedural_state):
-    return procedural_state(LLVENet())
-
-
-@pytest.fixture(scope="module")
-def weights(state, tmp_path_factory):
-    path = tmp_path_factory.mktemp("weights") / "procedural.pth"
-    torch.save(state, path)
-    return path
-
-
-@pytest.fixture(scope="module")
-def enhancer(weights):
-    return create_enhancer("llve", weights=weights)
+def enhancer(procedural_enhancer):
+    return procedural_enhancer("llve")
 
 
 def test_short_sides_are_filled_up_by_replication(enhancer, procedural_batch):

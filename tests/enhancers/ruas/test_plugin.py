@@ -1,36 +1,23 @@
-"""RUAS as users create it: weights, sizes, options, and errors that say what to do."""
+"""What is RUAS's own for users: its variants and the maps of its stages."""
 
 import pytest
 import torch
 
 from nat2024.errors import InvalidOption
 from nat2024.registry import create_enhancer
-from nat2024_enhancers.ruas.model import RUASNet
 
 
 @pytest.fixture(scope="module")
-def state(procedural_state):
-    return procedural_state(RUASNet())
-
-
-@pytest.fixture(scope="module")
-def weights(state, tmp_path_factory):
-    path = tmp_path_factory.mktemp("weights") / "procedural.pth"
-    torch.save(state, path)
-    return path
-
-
-@pytest.fixture(scope="module")
-def enhancer(weights):
-    return create_enhancer("ruas", weights=weights)
+def enhancer(procedural_enhancer):
+    return procedural_enhancer("ruas")
 
 
 @pytest.mark.parametrize(
     ("variant", "answer"), [("upe", "u3"), ("dark", "u3"), ("lol", "denoised")]
 )
-def test_the_variant_chooses_the_answer(weights, procedural_batch, variant, answer):
+def test_the_variant_chooses_the_answer(procedural_enhancer, procedural_batch, variant, answer):
     batch = procedural_batch("ruas.variant", (1, 3, 30, 40))
-    enhancer = create_enhancer("ruas", weights=weights, variant=variant, clamp=False)
+    enhancer = procedural_enhancer("ruas", variant=variant, clamp=False)
     expected = enhancer.maps(batch)[answer]
     torch.testing.assert_close(enhancer.enhance_batch(batch), expected, rtol=1e-5, atol=1e-5)
     with pytest.raises(InvalidOption, match="variant"):

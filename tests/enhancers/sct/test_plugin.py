@@ -1,28 +1,15 @@
-"""SCT as users create it: weights, sizes, options, and errors that say what to do."""
+"""What is SCT's own for users: its maps, and the statistics of its norms."""
 
 import pytest
 import torch
 
 from nat2024.errors import InvalidOption
 from nat2024.registry import create_enhancer
-from nat2024_enhancers.sct.model import SCTNet
 
 
 @pytest.fixture(scope="module")
-def state(procedural_state):
-    return procedural_state(SCTNet())
-
-
-@pytest.fixture(scope="module")
-def weights(state, tmp_path_factory):
-    path = tmp_path_factory.mktemp("weights") / "procedural.pth"
-    torch.save(state, path)
-    return path
-
-
-@pytest.fixture(scope="module")
-def enhancer(weights):
-    return create_enhancer("sct", weights=weights)
+def enhancer(procedural_enhancer):
+    return procedural_enhancer("sct")
 
 
 def test_maps_have_their_sizes(enhancer, procedural_batch):
@@ -35,9 +22,11 @@ def test_maps_have_their_sizes(enhancer, procedural_batch):
     }
 
 
-def test_statistics_of_each_image_reach_the_network(enhancer, weights, procedural_batch):
+def test_statistics_of_each_image_reach_the_network(
+    enhancer, procedural_enhancer, procedural_batch
+):
     batch = procedural_batch("sct.statistics", (2, 3, 30, 40))
-    by_image = create_enhancer("sct", weights=weights, statistics="image")
+    by_image = procedural_enhancer("sct", statistics="image")
     answer = by_image.enhance_batch(batch)
     assert not torch.allclose(answer, enhancer.enhance_batch(batch))
     apart = torch.cat([by_image.enhance_batch(one[None]) for one in batch])

@@ -1,8 +1,5 @@
 """What users can rely on with SCT, EnlightenGAN, LLVE and RUAS alike: weights, sizes, options."""
 
-import importlib
-from dataclasses import dataclass, field
-
 import numpy as np
 import pytest
 import torch
@@ -11,52 +8,6 @@ from nat2024.errors import ArrayContract, InvalidOption, WeightsMismatch, Weight
 from nat2024.images import batch_to_image, image_to_batch
 from nat2024.registry import create_enhancer
 from nat2024.testing.enhancers import night_image
-
-
-@dataclass(frozen=True)
-class Row:
-    """One enhancer: its network, its official file, and what it does its own way."""
-
-    name: str
-    network: str
-    official: str
-    sees_bgr: bool = False
-    unbounded: dict = field(default_factory=dict)
-
-    def order(self, image):
-        """The image in the order in which the network sees it, and back."""
-        return np.ascontiguousarray(image[..., ::-1] if self.sees_bgr else image)
-
-
-ROWS = [
-    Row("sct", "SCTNet", "model_latest.pth"),
-    Row("enlightengan", "EnlightenGANNet", "200_net_G_A.pth"),
-    Row("llve", "LLVENet", "checkpoint.pth", sees_bgr=True),
-    Row("ruas", "RUASNet", "upe.pt", unbounded={"variant": "lol"}),
-]
-
-
-@pytest.fixture(scope="module", params=ROWS, ids=lambda row: row.name)
-def row(request):
-    return request.param
-
-
-@pytest.fixture(scope="module")
-def state(row, procedural_state):
-    model = importlib.import_module(f"nat2024_enhancers.{row.name}.model")
-    return procedural_state(getattr(model, row.network)())
-
-
-@pytest.fixture(scope="module")
-def weights(state, tmp_path_factory):
-    path = tmp_path_factory.mktemp("weights") / "procedural.pth"
-    torch.save(state, path)
-    return path
-
-
-@pytest.fixture(scope="module")
-def enhancer(row, weights):
-    return create_enhancer(row.name, weights=weights)
 
 
 def test_it_is_created_in_evaluation_mode_with_the_given_weights(enhancer, state):
