@@ -1,5 +1,6 @@
 """Weights and inputs that are made from formulas, and short descriptions of arrays."""
 
+import json
 import zlib
 from collections.abc import Callable
 from pathlib import Path
@@ -13,6 +14,7 @@ from torch import nn
 
 from nat2024.interfaces import NeuralEnhancer
 from nat2024.registry import create_enhancer
+from nat2024.zoo import read_checkpoint
 
 _NORMS = (nn.modules.batchnorm._BatchNorm, nn.LayerNorm, nn.InstanceNorm2d)
 
@@ -116,16 +118,40 @@ def procedural_batch() -> Callable[[str, tuple[int, ...]], torch.Tensor]:
 
 
 @pytest.fixture(scope="session")
+def check_official_state(kit: Path) -> Callable[[NeuralEnhancer], None]:
+    """Holds an enhancer's state dict against the checkpoint it came from and the official keys."""
+
+    def check(enhancer: NeuralEnhancer) -> None:
+        assert enhancer.weights is not None
+        assert enhancer.weights.path is not None
+        state = read_checkpoint(enhancer.weights.path)
+        loaded = enhancer.model.state_dict()
+        assert loaded.keys() >= state.keys()
+        assert all(torch.equal(loaded[key], state[key]) for key in state)
+        keys = json.loads((kit / "keys" / f"{enhancer.name}.json").read_text())
+        shapes = {entry["key"]: tuple(entry["shape"]) for entry in keys}
+        assert {key: tuple(value.shape) for key, value in loaded.items()} == shapes
+
+    return check
+
+
+@pytest.fixture(scope="session")
 def describe() -> Callable[..., dict[str, Any]]:
     return describe_array
 
 
 @pytest.fixture(scope="session")
-def kit_batch(shared: Path) -> Callable[[str], torch.Tensor]:
+def kit(shared: Path) -> Path:
+    """The parity kit of enhancers: official keys, checkpoints, inputs, outputs."""
+    return shared / "parity" / "enhancers"
+
+
+@pytest.fixture(scope="session")
+def kit_batch(kit: Path) -> Callable[[str], torch.Tensor]:
     """Reads an input of the parity kit as float32 (1, 3, H, W), RGB."""
 
     def read(name: str) -> torch.Tensor:
-        image = cv2.imread(str(shared / "parity" / "enhancers" / "inputs" / f"{name}.png"))
+        image = cv2.imread(str(kit / "inputs" / f"{name}.png"))
         assert image is not None, name
         pixels = image[..., ::-1].transpose(2, 0, 1)[None].astype(np.float32)
         return torch.from_numpy(pixels / np.float32(255))

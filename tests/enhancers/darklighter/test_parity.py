@@ -1,14 +1,10 @@
 """Equality with the official code: its checkpoints, its images, its maps."""
 
-import json
-
 import numpy as np
 import pytest
-import torch
 
 from nat2024.images import batch_to_image
 from nat2024.registry import create_enhancer
-from nat2024.zoo import read_checkpoint
 
 pytestmark = pytest.mark.shared
 CASES = [
@@ -18,11 +14,6 @@ CASES = [
     (193, "dt92_96x160"),
     (199, "dt76_101x77"),
 ]
-
-
-@pytest.fixture(scope="module")
-def kit(shared):
-    return shared / "parity" / "enhancers"
 
 
 def create(kit, epoch, **options):
@@ -38,16 +29,10 @@ def test_every_case_of_the_kit_is_tried(kit):
 
 
 @pytest.mark.parametrize("epoch", [193, 199])
-def test_official_state_dict_loads_unchanged(kit, epoch):
+def test_official_state_dict_loads_unchanged(kit, epoch, check_official_state):
     enhancer = create(kit, epoch)
     assert enhancer.weights.known_as == f"Epoch{epoch}.pth"
-    state = read_checkpoint(kit / "checkpoints" / f"darklighter_epoch{epoch}.pth")
-    loaded = enhancer.model.state_dict()
-    assert loaded.keys() == state.keys()
-    assert all(torch.equal(loaded[key], state[key]) for key in state)
-    keys = json.loads((kit / "keys" / "darklighter.json").read_text())
-    shapes = {entry["key"]: tuple(entry["shape"]) for entry in keys}
-    assert {key: tuple(value.shape) for key, value in loaded.items()} == shapes
+    check_official_state(enhancer)
 
 
 @pytest.mark.parametrize(("epoch", "case"), CASES)

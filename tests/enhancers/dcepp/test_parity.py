@@ -1,14 +1,10 @@
 """Equality with the official code: its checkpoint, its images, its curve parameters."""
 
-import json
-
 import numpy as np
 import pytest
-import torch
 
 from nat2024.images import batch_to_image
 from nat2024.registry import create_enhancer
-from nat2024.zoo import read_checkpoint
 
 pytestmark = pytest.mark.shared
 CASES = {
@@ -22,11 +18,6 @@ CASES = {
 }
 
 
-@pytest.fixture(scope="module")
-def kit(shared):
-    return shared / "parity" / "enhancers"
-
-
 def create(kit, **options):
     return create_enhancer("dcepp", weights=kit / "checkpoints" / "dcepp_epoch99.pth", **options)
 
@@ -35,16 +26,10 @@ def test_every_case_of_the_kit_is_tried(kit):
     assert {path.stem for path in (kit / "outputs" / "dcepp_epoch99").glob("*.npz")} == set(CASES)
 
 
-def test_official_state_dict_loads_unchanged(kit):
+def test_official_state_dict_loads_unchanged(kit, check_official_state):
     enhancer = create(kit)
     assert enhancer.weights.known_as == "Epoch99.pth"
-    state = read_checkpoint(kit / "checkpoints" / "dcepp_epoch99.pth")
-    loaded = enhancer.model.state_dict()
-    assert loaded.keys() == state.keys()
-    assert all(torch.equal(loaded[key], state[key]) for key in state)
-    keys = json.loads((kit / "keys" / "dcepp.json").read_text())
-    shapes = {entry["key"]: tuple(entry["shape"]) for entry in keys}
-    assert {key: tuple(value.shape) for key, value in loaded.items()} == shapes
+    check_official_state(enhancer)
 
 
 @pytest.mark.parametrize("case", CASES)

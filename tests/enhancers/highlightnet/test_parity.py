@@ -3,15 +3,11 @@
 The suggested limit is 1e-4, since the brightness is a divisor; 1e-5 holds here.
 """
 
-import json
-
 import numpy as np
 import pytest
-import torch
 
 from nat2024.images import batch_to_image
 from nat2024.registry import create_enhancer
-from nat2024.zoo import read_checkpoint
 
 pytestmark = pytest.mark.shared
 CASES = {
@@ -20,11 +16,6 @@ CASES = {
     "dt76_101x77": {"enhanced", "r", "level", "t"},
     "dt92_96x160": {"enhanced", "r", "level"},
 }
-
-
-@pytest.fixture(scope="module")
-def kit(shared):
-    return shared / "parity" / "enhancers"
 
 
 def create(kit, **options):
@@ -37,16 +28,10 @@ def test_every_case_of_the_kit_is_tried(kit):
     assert {path.stem for path in stored} == set(CASES)
 
 
-def test_official_state_dict_loads_unchanged(kit):
+def test_official_state_dict_loads_unchanged(kit, check_official_state):
     enhancer = create(kit)
     assert enhancer.weights.known_as == "Epoch99.pth"
-    state = read_checkpoint(kit / "checkpoints" / "highlightnet_epoch99.pth")
-    loaded = enhancer.model.state_dict()
-    assert loaded.keys() == state.keys()
-    assert all(torch.equal(loaded[key], state[key]) for key in state)
-    keys = json.loads((kit / "keys" / "highlightnet.json").read_text())
-    shapes = {entry["key"]: tuple(entry["shape"]) for entry in keys}
-    assert {key: tuple(value.shape) for key, value in loaded.items()} == shapes
+    check_official_state(enhancer)
 
 
 @pytest.mark.parametrize("case", CASES)

@@ -14,11 +14,6 @@ NAMES = {"adjusted_I": "adjusted_I_ratio5"}
 
 
 @pytest.fixture(scope="module")
-def kit(shared):
-    return shared / "parity" / "enhancers"
-
-
-@pytest.fixture(scope="module")
 def official(kit, variables, tmp_path_factory):
     with np.load(kit / "checkpoints" / "kindpp_decom_illu_tf_layout.npz") as stored:
         arrays = {**variables, **dict(stored)}

@@ -9,7 +9,6 @@ import torch
 import torch.nn.functional as F
 
 from nat2024.registry import create_enhancer
-from nat2024.zoo import read_checkpoint
 from nat2024_enhancers.ldenhancer.model import LDEnhancerNet
 
 pytestmark = pytest.mark.shared
@@ -25,11 +24,6 @@ CASES = [
     ("epoch66", "dt68_360x640_rgb_sampled"),
     ("epoch99", "dt36_127x127_rgb"),
 ]
-
-
-@pytest.fixture(scope="module")
-def kit(shared):
-    return shared / "parity" / "enhancers"
 
 
 @pytest.fixture(scope="module")
@@ -60,16 +54,9 @@ def test_every_case_of_the_kit_is_tried(kit):
 
 
 @pytest.mark.parametrize("epoch", FILES)
-def test_official_state_dict_loads_unchanged(kit, official, epoch):
-    enhancer = official[epoch]
-    assert enhancer.weights.known_as == PUBLISHED[epoch]
-    state = read_checkpoint(kit / "checkpoints" / FILES[epoch])
-    loaded = enhancer.model.state_dict()
-    assert loaded.keys() >= state.keys()
-    assert all(torch.equal(loaded[key], state[key]) for key in state)
-    keys = json.loads((kit / "keys" / "ldenhancer.json").read_text())
-    shapes = {entry["key"]: tuple(entry["shape"]) for entry in keys}
-    assert {key: tuple(value.shape) for key, value in loaded.items()} == shapes
+def test_official_state_dict_loads_unchanged(official, epoch, check_official_state):
+    assert official[epoch].weights.known_as == PUBLISHED[epoch]
+    check_official_state(official[epoch])
 
 
 @pytest.mark.parametrize(("epoch", "case"), CASES)

@@ -36,11 +36,6 @@ OFFICIAL = {"dropout": 0.0, "colour_least": 0.0}
 
 
 @pytest.fixture(scope="module")
-def kit(shared: Path) -> Path:
-    return shared / "parity" / "enhancers"
-
-
-@pytest.fixture(scope="module")
 def expected(kit: Path) -> dict:
     return json.loads((kit / "losses" / "losses.json").read_text())
 

@@ -2,10 +2,8 @@
 
 import json
 
-import cv2
 import numpy as np
 import pytest
-import torch
 
 from nat2024.errors import WeightsMismatch
 from nat2024.registry import create_enhancer
@@ -14,11 +12,6 @@ from nat2024.zoo import read_checkpoint
 pytestmark = pytest.mark.shared
 VARIANTS = ("upe", "lol", "dark")
 CASES = ("dt36_127x127", "dt76_101x77", "dt92_96x160")
-
-
-@pytest.fixture(scope="module")
-def kit(shared):
-    return shared / "parity" / "enhancers"
 
 
 @pytest.fixture(scope="module")
@@ -31,33 +24,23 @@ def official(kit):
     }
 
 
-def read_batch(kit, name):
-    image = cv2.imread(str(kit / "inputs" / f"{name}.png"))[..., ::-1]
-    return torch.from_numpy(image.transpose(2, 0, 1)[None].astype(np.float32) / np.float32(255))
-
-
 def test_every_case_of_the_kit_is_tried(kit):
     stored = {(path.parent.name, path.stem) for path in (kit / "outputs").glob("ruas_*/*.npz")}
     assert stored == {(f"ruas_{variant}", case) for variant in VARIANTS for case in CASES}
 
 
 @pytest.mark.parametrize("variant", VARIANTS)
-def test_official_state_dict_loads_unchanged(kit, official, variant):
+def test_official_state_dict_loads_unchanged(kit, official, variant, check_official_state):
     assert official[variant].weights.known_as == f"{variant}.pt"
     state = read_checkpoint(kit / "checkpoints" / f"ruas_{variant}.pt")
     assert {value.device.type for value in state.values()} == {"cpu"}
-    loaded = official[variant].model.state_dict()
-    assert loaded.keys() == state.keys()
-    assert all(torch.equal(loaded[key], state[key]) for key in state)
-    keys = json.loads((kit / "keys" / "ruas.json").read_text())
-    shapes = {entry["key"]: tuple(entry["shape"]) for entry in keys}
-    assert {key: tuple(value.shape) for key, value in loaded.items()} == shapes
+    check_official_state(official[variant])
 
 
 @pytest.mark.parametrize("variant", VARIANTS)
 @pytest.mark.parametrize("case", CASES)
-def test_outputs_equal_the_official_ones(kit, official, variant, case):
-    batch = read_batch(kit, case)
+def test_outputs_equal_the_official_ones(kit, kit_batch, official, variant, case):
+    batch = kit_batch(case)
     found = official[variant].maps(batch)
     with np.load(kit / "outputs" / f"ruas_{variant}" / f"{case}.npz") as stored:
         expected = dict(stored)
