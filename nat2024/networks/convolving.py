@@ -8,14 +8,15 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
+from nat2024.networks.folding import Derived, may_derive
 from nat2024.networks.winograd import WinogradConvolution
 
 _KERNELS = (3, 5)
-_CHANNELS = 128**2
+_CHANNELS = 64**2
 """Channels in times channels out from which fewer multiplications save more than they cost."""
 
-_CELLS = 100
-"""Outputs of a channel, likewise: those of template crops are computed once for a sequence."""
+_CELLS = 64
+"""Outputs of a channel, likewise."""
 
 _is_plain: ContextVar[bool] = ContextVar("_is_plain", default=False)
 
@@ -33,9 +34,9 @@ def plain_convolutions() -> Iterator[None]:
 class Convolution:
     """A convolution without groups whose weights stay as they are; for inference.
 
-    Channels-last, which is faster on a CPU, and there with Winograd's transforms where they save
-    time: in float32, with stride 1, many channels and kernels of 3 or 5. These give the same numbers
-    but for rounding. Keep it in a `Derived`.
+    Channels-last, which is faster on a CPU, and there in Winograd's form where that saves time: in
+    float32, with stride 1, many channels and kernels of 3 or 5. Its numbers differ by rounding
+    only. Keep it in a `Derived`.
     """
 
     def __init__(
@@ -86,6 +87,31 @@ class Convolution:
             and maps.dtype == torch.float32
             and height * width >= _CELLS
         )
+
+
+class FastConv2d(nn.Conv2d):
+    """`nn.Conv2d` without groups or dilation that is a `Convolution` at inference."""
+
+    def __init__(
+        self,
+        in_channels: int,
+        out_channels: int,
+        kernel_size: int,
+        *,
+        stride: int = 1,
+        padding: int = 0,
+        bias: bool = True,
+    ) -> None:
+        """Build with fresh weights, as `nn.Conv2d` does."""
+        super().__init__(in_channels, out_channels, kernel_size, stride, padding, bias=bias)
+        self._prepared = Derived(self, self._prepare)
+
+    def forward(self, input: Tensor) -> Tensor:
+        """(n, channels in, h, w) to (n, channels out, ...)."""
+        return self._prepared()(input) if may_derive(self) else super().forward(input)
+
+    def _prepare(self) -> Convolution:
+        return Convolution.of(self)
 
 
 def _pair(value: tuple[int, ...] | int) -> tuple[int, int]:

@@ -2,7 +2,8 @@
 
 Counted are convolutions, transposed convolutions, linear layers and matrix products, those of
 attention included; elementwise work is not. Convolutions count as the sums that they are by
-definition, whatever form computes them (`networks.convolving`). A multiply-accumulate is two floating-point operations.
+definition, whatever form computes them (`networks.convolving`). A multiply-accumulate is two
+floating-point operations.
 """
 
 from collections.abc import Callable, Iterator

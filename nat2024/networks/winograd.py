@@ -18,7 +18,6 @@ from itertools import pairwise
 from typing import NamedTuple, TypeAlias
 
 import torch
-import torch.nn.functional as F
 from torch import Tensor
 
 OUTPUTS = 4

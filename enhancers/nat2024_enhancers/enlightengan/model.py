@@ -16,6 +16,7 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 from nat2024.networks.bands import bands_of, run_in_bands
+from nat2024.networks.convolving import FastConv2d
 from nat2024.networks.padding import pad_to_multiple
 
 STRIDE = 16
@@ -59,13 +60,13 @@ class EnlightenGANNet(nn.Module):
             self._add_step(f"{level}_2", width, width)
             inputs = width
         for level, width in zip(range(6, 10), _WIDTHS[-2::-1], strict=True):
-            self.add_module(f"deconv{level - 1}", nn.Conv2d(2 * width, width, 3, padding=1))
+            self.add_module(f"deconv{level - 1}", FastConv2d(2 * width, width, 3, padding=1))
             self._add_step(f"{level}_1", 2 * width, width)
             self._add_step(f"{level}_2", width, width, norm=level < 9)
-        self.conv10 = nn.Conv2d(_WIDTHS[0], 3, 1)
+        self.conv10 = FastConv2d(_WIDTHS[0], 3, 1)
 
     def _add_step(self, name: str, inputs: int, outputs: int, *, norm: bool = True) -> None:
-        self.add_module(f"conv{name}", nn.Conv2d(inputs, outputs, 3, padding=1))
+        self.add_module(f"conv{name}", FastConv2d(inputs, outputs, 3, padding=1))
         if norm:
             self.add_module(f"bn{name}", nn.BatchNorm2d(outputs))
 

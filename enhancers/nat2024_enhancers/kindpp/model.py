@@ -16,6 +16,7 @@ from torch import Tensor, nn
 
 from nat2024.errors import ArrayContract
 from nat2024.networks.bands import run_in_bands
+from nat2024.networks.convolving import FastConv2d
 from nat2024.networks.folding import Derived, may_derive
 
 STRIDE = 4
@@ -31,7 +32,7 @@ _GREY = (0.2125, 0.7154, 0.0721)
 
 
 def _convolution(inputs: int, outputs: int, size: int = 3, *, bias: bool = True) -> nn.Conv2d:
-    return nn.Conv2d(inputs, outputs, size, padding=size // 2, bias=bias)
+    return FastConv2d(inputs, outputs, size, padding=size // 2, bias=bias)
 
 
 def _leaky(x: Tensor) -> Tensor:

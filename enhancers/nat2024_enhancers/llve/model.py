@@ -11,6 +11,7 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 from nat2024.networks.bands import bands_of, run_in_bands
+from nat2024.networks.convolving import FastConv2d
 
 SMALLEST = 16
 """Sides below this would vanish in four halvings."""
@@ -24,9 +25,9 @@ class DoubleConv(nn.Module):
     def __init__(self, inputs: int, middle: int, outputs: int) -> None:
         super().__init__()
         self.double_conv = nn.Sequential(
-            nn.Conv2d(inputs, middle, 3, padding=1),
+            FastConv2d(inputs, middle, 3, padding=1),
             nn.ReLU(inplace=True),
-            nn.Conv2d(middle, outputs, 3, padding=1),
+            FastConv2d(middle, outputs, 3, padding=1),
             nn.ReLU(inplace=True),
         )
 
@@ -93,7 +94,7 @@ class OutConv(nn.Module):
 
     def __init__(self, inputs: int) -> None:
         super().__init__()
-        self.conv = nn.Conv2d(inputs, 3, 1)
+        self.conv = FastConv2d(inputs, 3, 1)
 
     def forward(self, x: Tensor) -> Tensor:
         """(N, inputs, H, W) to (N, 3, H, W)."""
