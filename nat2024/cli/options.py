@@ -109,6 +109,19 @@ computed_attributes_option = click.option(
     is_flag=True,
     help="Attributes computed from boxes and from every 10th frame, beside published ones.",
 )
+only_trackers_option = click.option(
+    "--trackers", multiple=True, metavar="A,B", help="Only these, as NAME[@LABEL]."
+)
+only_enhancers_option = click.option(
+    "--enhancers", multiple=True, metavar="A,B", help="Only these, beside the trackers alone."
+)
+table_format_option = click.option(
+    "--format",
+    "form",
+    type=click.Choice(["console", "markdown", "csv", "latex", "html"]),
+    default="console",
+    show_default=True,
+)
 on_length_option = click.option(
     "--on-length",
     type=click.Choice(["error", "pad", "cut"]),
@@ -151,6 +164,12 @@ def messages(function: _Function) -> _Function:
             logger.removeHandler(handler)
 
     return wrapped  # type: ignore[return-value]
+
+
+def read_names(texts: Iterable[str]) -> tuple[str, ...]:
+    """Names of `A,B` texts, each once."""
+    parts = (part.strip() for text in texts for part in text.split(","))
+    return tuple(dict.fromkeys(part for part in parts if part))
 
 
 def read_size(text: str) -> tuple[int, int]:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from nat2024.cli.options import read_names
 from nat2024.cli.showing.scenes import Shown, choose_frames
 from nat2024.errors import UsageError
 from nat2024.evaluation import Evaluation
@@ -98,12 +99,6 @@ class Settings:
         """How many frames one form of a sequence takes."""
         chosen = self.strip_frames(shown) if form == "strip" else self.video_frames(shown)
         return len(chosen)
-
-
-def read_names(texts: Iterable[str]) -> tuple[str, ...]:
-    """Names of `A,B` texts, each once."""
-    parts = (part.strip() for text in texts for part in text.split(","))
-    return tuple(dict.fromkeys(part for part in parts if part))
 
 
 def read_settings(forms: Iterable[str], device: str, given: Mapping[str, Any]) -> Settings:

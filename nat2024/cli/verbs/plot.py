@@ -55,13 +55,8 @@ _FORMATS = ("pdf", "svg", "png")
     metavar="F1,F2",
     help="Files of each figure; its numbers lie beside them as .csv.",
 )
-@click.option("--trackers", multiple=True, metavar="A,B", help="Only these, as NAME[@LABEL].")
-@click.option(
-    "--enhancers",
-    multiple=True,
-    metavar="A,B",
-    help="Only these, beside the trackers alone.",
-)
+@shared.only_trackers_option
+@shared.only_enhancers_option
 @click.option(
     "--attribute",
     "attributes",
@@ -76,11 +71,7 @@ _FORMATS = ("pdf", "svg", "png")
     metavar="A,B",
     help="Sequences whose errors are drawn; left out, the most telling ones.",
 )
-@click.option(
-    "--computed-attributes",
-    is_flag=True,
-    help="Attributes computed from boxes and from every 10th frame, beside published ones.",
-)
+@shared.computed_attributes_option
 @shared.json_option
 @shared.messages
 def command(
@@ -105,7 +96,8 @@ def command(
     from nat2024.cli.plotting.jobs import Wanted, check_wanted
 
     endings = _read_formats(formats)
-    wanted = Wanted(*(_names(texts) for texts in (trackers, enhancers, attributes, sequences)))
+    named = (trackers, enhancers, attributes, sequences)
+    wanted = Wanted(*(shared.read_names(texts) for texts in named))
     evaluations = score(scoring, computed_attributes=computed_attributes)
     print_notes(evaluations)
     check_wanted(wanted, evaluations)
@@ -122,15 +114,10 @@ def command(
         click.echo(f"{out}: {len(captions)} figures, {len(files)} files")
 
 
-def _names(texts: Iterable[str]) -> tuple[str, ...]:
-    parts = (part.strip() for text in texts for part in text.split(","))
-    return tuple(dict.fromkeys(part for part in parts if part))
-
-
 def _read_formats(text: str) -> tuple[str, ...]:
     from nat2024.errors import UsageError
 
-    formats = _names([text])
+    formats = shared.read_names([text])
     unknown = [name for name in formats if name not in _FORMATS]
     if unknown or not formats:
         msg = f"--format {text!r}: expected some of {', '.join(_FORMATS)}, separated by commas"

@@ -30,11 +30,7 @@ _PAGE = "index.html"
 @click.option(
     "--no-frames", is_flag=True, help="Look at no frame: no light, no pictures, much faster."
 )
-@click.option(
-    "--computed-attributes",
-    is_flag=True,
-    help="Attributes computed from boxes and from every 10th frame, beside published ones.",
-)
+@shared.computed_attributes_option
 @shared.json_option
 @shared.messages
 def command(

@@ -29,13 +29,7 @@ _MOST_LINES = 10
     help="A folder or .zip of the authors' result files; repeatable.",
 )
 @shared.protocol_option
-@click.option(
-    "--format",
-    "form",
-    type=click.Choice(["console", "markdown", "csv", "latex", "html"]),
-    default="console",
-    show_default=True,
-)
+@shared.table_format_option
 @click.option(
     "--out",
     type=click.Path(path_type=Path, dir_okay=False),

@@ -156,8 +156,8 @@ def _load(source: str, root: Path | None, sequences: str | None, lenient: bool) 
 
     if sequences is None:
         return load_dataset(source, root, lenient=lenient)
-    names = [name.strip() for name in sequences.split(",") if name.strip()]
-    return load_dataset(source, root, unannotated=True, lenient=lenient).select(names)
+    dataset = load_dataset(source, root, unannotated=True, lenient=lenient)
+    return dataset.select(shared.read_names([sequences]))
 
 
 def _absolute(source: str) -> str:

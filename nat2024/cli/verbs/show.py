@@ -34,10 +34,8 @@ _TELLING = 3
     metavar="A,B",
     help="Runs, as their folders are called; left out, up to 6 that tell most.",
 )
-@click.option("--trackers", multiple=True, metavar="A,B", help="Only these, as NAME[@LABEL].")
-@click.option(
-    "--enhancers", multiple=True, metavar="A,B", help="Only these, beside the trackers alone."
-)
+@shared.only_trackers_option
+@shared.only_enhancers_option
 @click.option(
     "--as",
     "forms",
@@ -116,21 +114,22 @@ def command(
     from nat2024.cli.output import print_json
     from nat2024.cli.plotting.jobs import Job, Wanted, check_wanted
     from nat2024.cli.scoring import print_notes, score_with_datasets
-    from nat2024.cli.showing.settings import check_runs, read_names, read_settings
+    from nat2024.cli.showing.settings import check_runs, read_settings
 
     chosen = read_settings(forms, device, settings)
     shared.load_plugins(plugins)
-    wanted = Wanted(*(read_names(t) for t in (trackers, enhancers, (), sequences)))
+    named = shared.read_names(runs)
+    wanted = Wanted(*(shared.read_names(t) for t in (trackers, enhancers, (), sequences)))
     scored = score_with_datasets(scoring)
     print_notes(one.evaluation for one in scored)
     check_wanted(wanted, [one.evaluation for one in scored])
-    check_runs(read_names(runs), [one.evaluation for one in scored])
+    check_runs(named, [one.evaluation for one in scored])
     files: list[dict[str, Any]] = []
     remarks: list[str] = []
     for one in scored:
         job = Job(one.evaluation, wanted)
-        for name in _sequences(one, job, read_names(runs), bool(wanted.sequences), remarks):
-            files += _show(one, job, name, read_names(runs), chosen, remarks)
+        for name in _sequences(one, job, named, bool(wanted.sequences), remarks):
+            files += _show(one, job, name, named, chosen, remarks)
     _finish(files, remarks)
     if as_json:
         print_json({"out": str(chosen.out), "files": files, "remarks": remarks})

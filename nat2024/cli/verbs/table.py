@@ -20,13 +20,7 @@ from nat2024.errors import UsageError
 @click.command()
 @scoring_options
 @click.option("--layout", type=click.Choice(list(LAYOUTS)), default="overall", show_default=True)
-@click.option(
-    "--format",
-    "form",
-    type=click.Choice(["console", "markdown", "csv", "latex", "html"]),
-    default="console",
-    show_default=True,
-)
+@shared.table_format_option
 @click.option(
     "--score",
     "metric",

@@ -50,7 +50,7 @@ def command(
     wanted = _read_levels(levels)
     dataset = load_dataset(name_or_path, root, unannotated=True)
     if sequences is not None:
-        dataset = dataset.select([name.strip() for name in sequences.split(",") if name.strip()])
+        dataset = dataset.select(shared.read_names([sequences]))
     extension = ".png" if png else ".jpg"
     done = darken(dataset, out, wanted, seed=seed, extension=extension)
     failed = [one.name for one in done if one.fault]
