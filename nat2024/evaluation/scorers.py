@@ -26,7 +26,7 @@ import numpy as np
 from nat2024.errors import BoxFileError, LengthMismatch
 from nat2024.keeping import Keeper, cache_folder, digest, trim
 from nat2024.metrics import SCORE_NAMES, FrameValues, Protocol, SequenceScores, evaluate_boxes
-from nat2024.metrics.datasets import CURVE_LENGTHS
+from nat2024.metrics.scores import CURVE_LENGTHS
 from nat2024.store import Run
 from nat2024.types import Box, Boxes, Floats, Sequence
 

@@ -41,13 +41,8 @@ from nat2024.metrics.protocols import (
     list_protocols,
 )
 from nat2024.metrics.repeats import average_repeats
-from nat2024.metrics.sequences import (
-    SCORE_NAMES,
-    FrameValues,
-    Scores,
-    SequenceScores,
-    evaluate_boxes,
-)
+from nat2024.metrics.scores import SCORE_NAMES, FrameValues, Scores, SequenceScores
+from nat2024.metrics.sequences import evaluate_boxes
 
 __all__ = [
     "FEWEST_SEQUENCES",

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from nat2024.errors import ArrayContract
+from nat2024.metrics.parts import Parts
 from nat2024.types import Floats
 
 
@@ -111,8 +112,8 @@ def normalized_precision_curve(
 class Grid:
     """Evenly spaced thresholds from 0, in which a value is placed by arithmetic, not by search.
 
-    The product of a value and the inverse step may be off by rounding, but by far less than one
-    step, so comparing with the two thresholds around it settles the place exactly.
+    The product of a value and the inverse step may be off by rounding, but by far less than half a
+    step, so comparing with the nearest threshold settles the place exactly.
     """
 
     __slots__ = ("_inverse_step", "_limits", "count")
@@ -121,51 +122,47 @@ class Grid:
         self.count = len(thresholds)
         self._inverse_step = round((self.count - 1) / float(thresholds[-1]), 6)
         # NaN at the end: comparing with it is never true
-        self._limits = np.concatenate([thresholds, np.full(3, np.nan)])
+        self._limits = np.append(thresholds, np.nan)
 
     def rank(self, values: Floats, *, inclusive: bool = False) -> npt.NDArray[np.intp]:
         """How many thresholds t have t < v (t <= v where `inclusive`); all of them for NaN."""
-        compare = np.less_equal if inclusive else np.less
         scaled = values * self._inverse_step
+        np.rint(scaled, out=scaled)
         np.fmin(scaled, self.count, out=scaled)
         np.maximum(scaled, 0.0, out=scaled)
-        place = scaled.astype(np.intp)
-        rank: npt.NDArray[np.intp] = place + compare(self._limits.take(place), values)
-        place += 1
-        rank += compare(self._limits.take(place), values)
-        return rank
+        nearest = scaled.astype(np.intp)
+        limits = self._limits.take(nearest)
+        nearest += limits <= values if inclusive else limits < values
+        return nearest
 
-    def count_above(self, values: Floats, *, inclusive: bool = False) -> Floats:
-        """As the function `count_above` for these thresholds."""
-        passed = self.rank(values, inclusive=inclusive)
-        return _above(passed, self.count, int(np.count_nonzero(np.isnan(values))))
+    def count_above(self, values: Floats, parts: Parts, *, inclusive: bool = False) -> Floats:
+        """As the function `count_above` for these thresholds, float64 (s, count)."""
+        counted = parts.lengths - parts.count(np.isnan(values))  # NaN was ranked above all
+        rank = self.rank(values, inclusive=inclusive)
+        return (counted[:, np.newaxis] - self._reached(rank, parts)).astype(np.float64)
 
-    def count_within(self, values: Floats) -> Floats:
-        """As the function `count_within` for these thresholds."""
-        return _within(self.rank(values), self.count)
+    def count_within(self, values: Floats, parts: Parts) -> Floats:
+        """As the function `count_within` for these thresholds, float64 (s, count)."""
+        return self._reached(self.rank(values), parts).astype(np.float64)
 
-
-def _above(passed: npt.NDArray[np.intp], thresholds: int, nans: int) -> Floats:
-    # a value passes as many thresholds as lie below it; NaN was ranked above all
-    histogram = np.bincount(passed, minlength=thresholds + 1)
-    above = (len(passed) - nans) - histogram.cumsum()[:-1]
-    return above.astype(np.float64)
-
-
-def _within(rank: npt.NDArray[np.intp], thresholds: int) -> Floats:
-    histogram = np.bincount(rank, minlength=thresholds + 1)
-    return histogram.cumsum()[:-1].astype(np.float64)
+    def _reached(self, rank: npt.NDArray[np.intp], parts: Parts) -> npt.NDArray[np.int64]:
+        # a value passes as many thresholds as lie below it
+        return parts.histograms(rank, self.count + 1).cumsum(axis=1)[:, :-1]
 
 
 def count_above(values: Floats, thresholds: Floats, *, inclusive: bool = False) -> Floats:
     """For each threshold t the number of values v with v > t, or v >= t where `inclusive`."""
     passed = np.searchsorted(thresholds, values, side="right" if inclusive else "left")
-    return _above(passed, len(thresholds), int(np.count_nonzero(np.isnan(values))))
+    histogram = np.bincount(passed, minlength=len(thresholds) + 1)
+    counted = len(values) - np.count_nonzero(np.isnan(values))  # NaN is ranked above all
+    return (counted - histogram.cumsum()[:-1]).astype(np.float64)
 
 
 def count_within(values: Floats, thresholds: Floats) -> Floats:
     """For each threshold t the number of values v with v <= t."""
-    return _within(np.searchsorted(thresholds, values, side="left"), len(thresholds))
+    rank = np.searchsorted(thresholds, values, side="left")
+    histogram = np.bincount(rank, minlength=len(thresholds) + 1)
+    return histogram.cumsum()[:-1].astype(np.float64)
 
 
 def share(counts: Floats, frames: float) -> Floats:
@@ -178,9 +175,20 @@ def mean(values: Floats) -> float:
     return float(np.add.reduce(values)) / len(values) if len(values) else float("nan")
 
 
-def trapezoid(curve: Floats) -> float:
-    """Area under a curve of evenly spaced values by the trapezoidal rule, over a range of 1."""
-    return float((curve.sum() - (curve[0] + curve[-1]) / 2) / (len(curve) - 1))
+def shares(counts: Floats, frames: Floats) -> Floats:
+    """Each row of `counts` (s, t) / its number of `frames` (s,); NaN where there is no frame."""
+    return np.asarray(counts / np.where(frames > 0, frames, np.nan)[:, np.newaxis])
+
+
+def means(curves: Floats) -> Floats:
+    """Plain mean of each row of (s, t)."""
+    return np.asarray(np.add.reduce(curves, axis=1) / curves.shape[1])
+
+
+def trapezoids(curves: Floats) -> Floats:
+    """Area under each row of evenly spaced values by the trapezoidal rule, over a range of 1."""
+    inner = np.add.reduce(curves, axis=1) - (curves[:, 0] + curves[:, -1]) / 2
+    return np.asarray(inner / (curves.shape[1] - 1))
 
 
 def _checked(values: npt.ArrayLike, thresholds: npt.ArrayLike, name: str) -> tuple[Floats, Floats]:

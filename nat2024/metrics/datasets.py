@@ -7,23 +7,11 @@ from typing import Any, Final
 import numpy as np
 
 from nat2024.errors import UsageError
-from nat2024.metrics.curves import (
-    NORMALIZED_PRECISION_THRESHOLDS,
-    PRECISION_THRESHOLDS,
-    SUCCESS_THRESHOLDS,
-)
 from nat2024.metrics.protocols import Protocol, get_protocol
-from nat2024.metrics.sequences import SCORE_NAMES, Scores, SequenceScores
+from nat2024.metrics.scores import CURVE_LENGTHS, SCORE_NAMES, Scores, SequenceScores
 from nat2024.types import Flags, Floats
 
 _EPSILON = float(np.finfo(np.float64).eps)
-CURVE_LENGTHS: Final = {
-    "success_curve": len(SUCCESS_THRESHOLDS),
-    "precision_curve": len(PRECISION_THRESHOLDS),
-    "normalized_precision_curve": len(NORMALIZED_PRECISION_THRESHOLDS),
-}
-"""How many values each curve has."""
-
 _CURVE_OF: Final = {
     "success_auc": "success_curve",
     "success_rate_50": "success_curve",

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from nat2024.errors import ArrayContract
-from nat2024.metrics.sequences import SCORE_NAMES, FrameSource, FrameValues, SequenceScores
+from nat2024.metrics.scores import SCORE_NAMES, FrameSource, FrameValues, SequenceScores
 from nat2024.types import Floats
 
 _CURVES = ("success_curve", "precision_curve", "normalized_precision_curve")

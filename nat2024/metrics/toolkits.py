@@ -6,10 +6,11 @@ got-10k/toolkit; SilvioGiancola/TrackingNet-devkit.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 
 from nat2024.errors import ArrayContract
 from nat2024.metrics.geometry import (
@@ -19,33 +20,41 @@ from nat2024.metrics.geometry import (
     normalized_error_of,
     overlap_of,
 )
+from nat2024.metrics.parts import Parts
 from nat2024.metrics.protocols import Protocol
 from nat2024.types import Flags, Floats
+
+Counts: TypeAlias = npt.NDArray[np.int64]
+"""int64 (s,), one number a sequence."""
 
 PASSES: Final = -1.0
 """Error of a frame that passes every threshold; NaN fails them all."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Pair:
-    """A result and its ground truth of equal length, as fresh columns that may be written to.
+    """Results and ground truths of equal length, as fresh columns that may be written to.
+
+    The sequences lie one after the other, and none is told from what is beside it.
 
     Attributes:
         predicted: (4, n).
         truth: (4, n).
         visible: (n,) or None.
-        present: how many rows of `predicted` were there; the rest was filled in.
+        given: (n,), which columns of `predicted` were there, where some were filled in; else None.
         protocol: with its options.
+        parts: which columns belong to which sequence.
     """
 
     predicted: Columns
     truth: Columns
     visible: Flags | None
-    present: int
+    given: Flags | None
     protocol: Protocol
+    parts: Parts
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Measured:
     """What is compared with the thresholds, one value a frame.
 
@@ -53,15 +62,15 @@ class Measured:
         overlap: NaN where the frame fails or does not count.
         error: pixels; NaN fails, `PASSES` passes.
         normalized: the same, in units of the true size; None where not defined.
-        frames: frames in the divisor.
         counted: which frames are in the divisor; None for all.
+        averaged: which frames the average overlap is taken over; None for those counted.
     """
 
     overlap: Floats
     error: Floats | None
     normalized: Floats | None
-    frames: int
     counted: Flags | None = None
+    averaged: Flags | None = None
 
 
 def measure_pysot(pair: Pair) -> Measured:
@@ -79,7 +88,7 @@ def measure_pysot(pair: Pair) -> Measured:
     if pair.visible is not None:
         for values in (overlap, error, normalized):
             values[~pair.visible] = np.nan
-    return Measured(overlap, error, normalized, p.shape[1])
+    return Measured(overlap, error, normalized)
 
 
 def measure_otb(pair: Pair) -> Measured:
@@ -104,7 +113,7 @@ def measure_lasot(pair: Pair) -> Measured:
 def _measure_matlab(pair: Pair, bad: Flags, *, with_normalized: bool) -> Measured:
     p, t = pair.predicted, pair.truth
     _repeat_previous(pair, bad & ~has_nan(t))
-    p[:, 0] = t[:, 0]
+    _take_first_rows(pair)
     target = (t > 0).all(axis=0)
     overlap = overlap_of(p, t, "lenient")
     overlap[~target] = np.nan
@@ -115,7 +124,7 @@ def _measure_matlab(pair: Pair, bad: Flags, *, with_normalized: bool) -> Measure
     if with_normalized:
         normalized = normalized_error_of(centers, true_centers, t[2:], "centers")
         normalized[~target] = PASSES
-    return Measured(overlap, error, normalized, p.shape[1])
+    return Measured(overlap, error, normalized)
 
 
 def measure_pytracking(pair: Pair) -> Measured:
@@ -124,7 +133,7 @@ def measure_pytracking(pair: Pair) -> Measured:
     _refuse_as_pytracking(pair)
     flat = (p[2] == 0) | (p[3] == 0)
     _repeat_previous(pair, flat & ~has_nan(t))
-    p[:, 0] = t[:, 0]
+    _take_first_rows(pair)
     target = (t[2] > 0) & (t[3] > 0)
     if protocol.invalid_rule == "positive":
         target &= (t[0] > 0) & (t[1] > 0)
@@ -133,7 +142,9 @@ def measure_pytracking(pair: Pair) -> Measured:
     overlap = overlap_of(p, t, "inclusive")
     overlap[~target] = np.nan
     unknown = np.isnan(overlap) & target
-    if unknown[: pair.present].any():
+    if pair.given is not None:
+        unknown &= pair.given
+    if unknown.any():
         row = int(np.argmax(unknown)) + 1
         msg = f"predicted, row {row}: overlap is not a number; pytracking refuses such rows"
         raise ArrayContract(msg)
@@ -144,13 +155,15 @@ def measure_pytracking(pair: Pair) -> Measured:
     normalized[~target] = PASSES
     if protocol.label == "lasot" and pair.visible is not None:
         normalized[~pair.visible] = np.nan
-    frames = int(np.count_nonzero(target)) if protocol.exclude_invalid else p.shape[1]
-    return Measured(overlap, error, normalized, frames, target)
+    counted = target if protocol.exclude_invalid else None
+    return Measured(overlap, error, normalized, counted, target)
 
 
 def _refuse_as_pytracking(pair: Pair) -> None:
-    given = pair.predicted[:, : pair.present]
-    bad = has_nan(given) | (given[2] < 0) | (given[3] < 0)
+    p = pair.predicted
+    bad = has_nan(p) | (p[2] < 0) | (p[3] < 0)
+    if pair.given is not None:
+        bad &= pair.given
     if bad.any():
         row = int(np.argmax(bad)) + 1
         msg = (
@@ -171,36 +184,37 @@ def _refuse_as_pytracking(pair: Pair) -> None:
 def measure_got10k_ope(pair: Pair) -> Measured:
     """Rows of NaN truth leave both sides, or are compared as numbers."""
     p, t = pair.predicted, pair.truth
-    p[:, 0] = t[:, 0]
+    _take_first_rows(pair)
     overlap = overlap_of(p, t, "guarded")
     centers, true_centers = centers_of(p), centers_of(t)
     error = error_of(centers, true_centers)
     normalized = normalized_error_of(centers, true_centers, t[2:], "floored")
     if pair.protocol.invalid_rule == "none":
-        return Measured(overlap, error, normalized, p.shape[1])
+        return Measured(overlap, error, normalized)
     absent = has_nan(t)
     for values in (overlap, error, normalized):
         values[absent] = np.nan
-    return Measured(overlap, error, normalized, int(np.count_nonzero(~absent)), ~absent)
+    return Measured(overlap, error, normalized, ~absent)
 
 
 def measure_got10k_ao(pair: Pair) -> Measured:
     """Overlap only, clipped to the frame; the first row and covered frames leave the score."""
     p, t, protocol = pair.predicted, pair.truth, pair.protocol
     if protocol.cover is not None:
-        counted = np.array(protocol.cover[: p.shape[1]]) > 0
+        covers = [protocol.cover[:length] for length in pair.parts.lengths]
+        counted = np.concatenate(covers) > 0
     elif pair.visible is not None:
         counted = pair.visible.copy()
     else:
         counted = ~has_nan(t)
-    counted[0] = False
+    counted[pair.parts.starts] = False
     if protocol.frame_size is not None:
         _clip(p, protocol.frame_size)
         _clip(t, protocol.frame_size)
     # the toolkit's mean would become NaN by one bad row; here such a row overlaps nothing
     overlap = np.nan_to_num(overlap_of(p, t, "guarded"), nan=0.0)
     overlap[~counted] = np.nan
-    return Measured(overlap, None, None, int(np.count_nonzero(counted)), counted)
+    return Measured(overlap, None, None, counted)
 
 
 def _clip(boxes: Columns, frame_size: tuple[int, int]) -> None:
@@ -215,32 +229,40 @@ def measure_trackingnet(pair: Pair) -> Measured:
     p, t = pair.predicted, pair.truth
     np.rint(p, out=p)
     np.rint(t, out=t)
-    p[:, 0] = t[:, 0]
+    _take_first_rows(pair)
     centers, true_centers = centers_of(p), centers_of(t)
     return Measured(
         overlap_of(p, t, "lenient"),
         error_of(centers, true_centers),
         normalized_error_of(centers, true_centers, t[2:], "factored"),
-        p.shape[1],
     )
 
 
 def measure_strict(pair: Pair) -> Measured:
     """Only frames with a target count, the first one never; a bad result row fails."""
     p, t = pair.predicted, pair.truth
+    found = measure_strict_overlap(pair)
+    centers, true_centers = centers_of(p), centers_of(t)
+    error = error_of(centers, true_centers)
+    normalized = normalized_error_of(centers, true_centers, t[2:], "difference")
+    assert found.counted is not None
+    unusable = ~found.counted | ~np.isfinite(p).all(axis=0)
+    for values in (error, normalized):
+        values[unusable] = np.nan
+    return replace(found, error=error, normalized=normalized)
+
+
+def measure_strict_overlap(pair: Pair) -> Measured:
+    """The overlap alone of `measure_strict`."""
+    p, t = pair.predicted, pair.truth
     counted = is_target(t)
-    counted[0] = False
+    counted[pair.parts.starts] = False
     if pair.visible is not None:
         counted &= pair.visible
     overlap = overlap_of(p, t, "exact")
     overlap[~((p[2] > 0) & (p[3] > 0))] = 0.0
-    centers, true_centers = centers_of(p), centers_of(t)
-    error = error_of(centers, true_centers)
-    normalized = normalized_error_of(centers, true_centers, t[2:], "difference")
-    unusable = ~counted | ~np.isfinite(p).all(axis=0)
-    for values in (overlap, error, normalized):
-        values[unusable] = np.nan
-    return Measured(overlap, error, normalized, int(np.count_nonzero(counted)), counted)
+    overlap[~counted | ~np.isfinite(p).all(axis=0)] = np.nan
+    return Measured(overlap, None, None, counted)
 
 
 def is_target(boxes: Columns) -> Flags:
@@ -251,12 +273,13 @@ def is_target(boxes: Columns) -> Flags:
     return target
 
 
-def count_targets(boxes: Columns) -> int:
-    """How many columns of (4, n) are four finite numbers with w, h > 0."""
+def count_others(boxes: Columns, parts: Parts, among: Flags | None = None) -> Counts:
+    """How many columns of (4, n) are not `is_target` in each part, perhaps of some columns only."""
     # the usual case at a glance
-    if boxes.size and boxes[2:].min() > 0 and np.isfinite(boxes).all():
-        return int(boxes.shape[1])
-    return int(np.count_nonzero(is_target(boxes)))
+    if among is None and boxes[2:].min() > 0 and np.isfinite(boxes).all():
+        return np.zeros(len(parts), dtype=np.int64)
+    others = ~is_target(boxes)
+    return parts.count(others if among is None else others & among)
 
 
 def has_nan(boxes: Columns) -> Flags:
@@ -265,12 +288,19 @@ def has_nan(boxes: Columns) -> Flags:
     return found
 
 
+def _take_first_rows(pair: Pair) -> None:
+    """The first row of each result is what it was given."""
+    starts = pair.parts.starts
+    pair.predicted[:, starts] = pair.truth[:, starts]
+
+
 def _repeat_previous(pair: Pair, bad: Flags) -> None:
-    bad[pair.present :] = False
+    if pair.given is not None:
+        bad &= pair.given
     if not bad.any():
         return
     source = np.arange(len(bad))
-    source[bad] = 0
+    source[bad] = pair.parts.starts[pair.parts.number[bad]]
     np.maximum.accumulate(source, out=source)
     pair.predicted[:] = pair.predicted[:, source]
 

@@ -18,7 +18,7 @@ import nat2024
 from nat2024.errors import BoxFileError, LengthMismatch
 from nat2024.evaluation import Evaluation, scorers
 from nat2024.metrics import SCORE_NAMES, FrameValues, Protocol, list_protocols
-from nat2024.metrics.datasets import CURVE_LENGTHS
+from nat2024.metrics.scores import CURVE_LENGTHS
 from nat2024.types import Dataset, Sequence
 
 

@@ -12,7 +12,8 @@ from nat2024.metrics import (
     precision_curve,
     success_curve,
 )
-from nat2024.metrics.curves import Grid, count_above, count_within, trapezoid
+from nat2024.metrics.curves import Grid, count_above, count_within, trapezoids
+from nat2024.metrics.parts import Parts
 
 CURVES = [success_curve, precision_curve, normalized_precision_curve]
 GRIDS = {
@@ -47,20 +48,22 @@ def test_thresholds_are_those_of_the_toolkits() -> None:
 @pytest.mark.parametrize("thresholds", GRIDS.values(), ids=GRIDS)
 @given(
     more=st.lists(st.floats(allow_nan=True, allow_infinity=True), max_size=20),
-    within=st.lists(st.floats(0, 1), max_size=20),
+    shares=st.lists(st.floats(0, 1), max_size=20),
 )
-def test_counts_equal_the_comparison(thresholds, more, within) -> None:
-    inside = np.array(within) * thresholds[-1]
+def test_counts_equal_the_comparison(thresholds, more, shares) -> None:
+    inside = np.array(shares) * thresholds[-1]
     values = np.concatenate([around(thresholds), np.array(more), inside, [np.nan, np.inf, -1]])
     table = values[:, None]
-    grid = Grid(thresholds)
+    grid, whole = Grid(thresholds), Parts.of([len(values)])
     above, reached = (table > thresholds).sum(0), (table >= thresholds).sum(0)
+    within = (table <= thresholds).sum(0)
     with np.errstate(over="ignore"):
-        for counter in (lambda *a, **k: count_above(a[0], thresholds, **k), grid.count_above):
-            np.testing.assert_array_equal(counter(values), above)
-            np.testing.assert_array_equal(counter(values, inclusive=True), reached)
-        for counter in (lambda v: count_within(v, thresholds), grid.count_within):
-            np.testing.assert_array_equal(counter(values), (table <= thresholds).sum(0))
+        np.testing.assert_array_equal(count_above(values, thresholds), above)
+        np.testing.assert_array_equal(count_above(values, thresholds, inclusive=True), reached)
+        np.testing.assert_array_equal(count_within(values, thresholds), within)
+        np.testing.assert_array_equal(grid.count_above(values, whole), [above])
+        np.testing.assert_array_equal(grid.count_above(values, whole, inclusive=True), [reached])
+        np.testing.assert_array_equal(grid.count_within(values, whole), [within])
 
 
 @given(st.lists(st.floats(0, 1), min_size=1, max_size=60))
@@ -117,5 +120,5 @@ def test_ill_formed_input_is_refused(curve) -> None:
 
 
 def test_trapezoid_of_a_ramp() -> None:
-    assert trapezoid(np.linspace(0, 1, 21)) == pytest.approx(0.5, abs=1e-15)
-    assert trapezoid(np.ones(21)) == 1
+    ramps = np.array([np.linspace(0, 1, 21), np.ones(21)])
+    assert trapezoids(ramps).tolist() == pytest.approx([0.5, 1], abs=1e-15)

@@ -5,7 +5,7 @@ import pytest
 
 from nat2024.errors import ArrayContract
 from nat2024.metrics import SequenceScores, average_repeats, evaluate_boxes, list_protocols
-from nat2024.metrics.sequences import SCORE_NAMES
+from nat2024.metrics.scores import SCORE_NAMES
 
 TRUTH = np.array([[10.0, 10, 20, 20], [12, 10, 20, 20], [14, 10, 20, 20], [16, 10, 20, 20]])
 
