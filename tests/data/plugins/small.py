@@ -1,4 +1,4 @@
-"""Plugins for tests: trackers that stand still, fail or die, and an enhancer that inverts."""
+"""Plugins for tests: trackers that stand still, fail, die or hang, and an enhancer that inverts."""
 
 import os
 import time
@@ -65,6 +65,16 @@ class Dies(_Small):
     def see(self, image: Any) -> Any:
         if self._frame == 4 and self._box[2] > 20:
             os._exit(9)
+        return super().see(image)
+
+
+@register_tracker("hangs")
+class Hangs(_Small):
+    """Hangs for good in the second frame of a sequence with a wide target."""
+
+    def see(self, image: Any) -> Any:
+        if self._frame and self._box[2] > 20:
+            time.sleep(600)
         return super().see(image)
 
 

@@ -252,46 +252,27 @@ def test_a_local_cluster_ends_with_who_started_it(
     assert len(box_files(tmp_path)) == 3
 
 
-HANGING = """
-import time
-from nat2024 import Tracker, register_tracker
-from nat2024.cards import Card
-
-@register_tracker("hanging", override=True)
-class Hanging(Tracker):
-    card = Card(title="Hanging", summary="")
-
-    def start(self, image, box):
-        self.box = box
-        return box
-
-    def advance(self, image):
-        if self.box[2] > 20:
-            time.sleep(600)
-        return self.box, 0.0
-"""
-
-
 @pytest.mark.slow
 def test_who_hangs_on_a_cluster_is_ended(
-    client: Any, night_clip: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    client: Any,
+    night_clip: Path,
+    tmp_path: Path,
+    small_plugins: str,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(dask_cluster, "_GRACE_SECONDS", 0.5)
-    plugin = tmp_path / "hanging.py"
-    plugin.write_text(HANGING)
-    nat2024.registry.load_plugin_file(str(plugin))
     report = run_benchmark(
-        combine(["hanging"], ["none"]),
+        combine(["hangs"], ["none"]),
         nat2024.load_dataset(night_clip),
         tmp_path,
         cluster=client,
-        plugins=(str(plugin),),
+        plugins=(small_plugins,),
         timeout=1,
         retries=0,
     )
     [failure] = report.failures
     assert (failure.sequence, failure.reason) == ("wide", "one frame took longer than 1 s")
-    assert RunFolder(report.folder / "hanging").finished() == ["narrow", "tall"]
+    assert RunFolder(report.folder / "hangs").finished() == ["narrow", "tall"]
 
 
 def members(session: int) -> list[int]:

@@ -19,48 +19,24 @@ from nat2024.store import RunFolder
 
 pytestmark = pytest.mark.usefixtures("small_plugins")
 
-SLEEPY = '''
-import time
-from nat2024 import Tracker, register_tracker
-from nat2024.cards import Card
-
-@register_tracker("sleepy", override=True)
-class Sleepy(Tracker):
-    """Hangs for good on a wide target."""
-
-    card = Card(title="Sleepy", summary="")
-
-    def start(self, image, box):
-        self.box = box
-        return box
-
-    def advance(self, image):
-        if self.box[2] > 20:
-            time.sleep(600)
-        return self.box, 0.0
-'''
-
 
 def test_who_hangs_is_ended_and_the_others_go_on(
-    night_clip: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    night_clip: Path, tmp_path: Path, small_plugins: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(crew, "_GRACE_SECONDS", 0.2)
-    plugin = tmp_path / "sleepy.py"
-    plugin.write_text(SLEEPY)
-    nat2024.registry.load_plugin_file(str(plugin))
     begun = time.monotonic()
     report = run_benchmark(
-        combine(["sleepy"], ["none"]),
+        combine(["hangs"], ["none"]),
         nat2024.load_dataset(night_clip),
         tmp_path / "results",
         timeout=1,
         retries=0,
-        plugins=(str(plugin),),
+        plugins=(small_plugins,),
     )
     assert time.monotonic() - begun < 60
     [failure] = report.failures
     assert (failure.sequence, failure.reason) == ("wide", "one frame took longer than 1 s")
-    folder = RunFolder(report.folder / "sleepy")
+    folder = RunFolder(report.folder / "hangs")
     assert folder.finished() == ["narrow", "tall"]
     manifest = folder.manifest()
     assert manifest is not None
@@ -138,13 +114,13 @@ def test_impossible_numbers(
     assert not list(tmp_path.iterdir())
 
 
-def test_workers_end_with_their_parent(night_clip: Path, tmp_path: Path) -> None:
+def test_workers_end_with_their_parent(
+    night_clip: Path, tmp_path: Path, small_plugins: str
+) -> None:
     import subprocess
     import sys
 
-    plugin = tmp_path / "sleepy.py"
-    plugin.write_text(SLEEPY)
-    words = ["run", "--tracker", "sleepy", "--plugin", str(plugin), "--device", "cpu", "-q"]
+    words = ["run", "--tracker", "hangs", "--plugin", small_plugins, "--device", "cpu", "-q"]
     words += ["--dataset", str(night_clip), "--results", str(tmp_path), "--timeout", "600"]
     process = subprocess.Popen([sys.executable, "-m", "nat2024", *words])
     while process.poll() is None and len(list((tmp_path / "night_clip").glob("*/*.txt"))) < 2:
