@@ -4,7 +4,7 @@ import logging
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, get_args
 
 from nat2024.datasets.prefetch import AHEAD
 from nat2024.devices import check_device
@@ -132,7 +132,10 @@ def run_benchmark(
     folder = Path(results) / dataset.name
     trackers = Trackers()
     with computing_threads(threads):
-        runs = [_open(one, trackers, dataset, folder, way) for one in combinations]
+        runs = [
+            _open(one, trackers if way.in_process else Trackers(), dataset, folder, way)
+            for one in combinations  # workers build their own: none stays in memory here
+        ]
         for line in dict.fromkeys(line for run in runs for line in bundled_weights(run.wanted)):
             log.info("%s", line)
         units = _plan(runs, dataset, way)
@@ -215,9 +218,10 @@ def _plan(runs: list[ActiveRun], dataset: Dataset, way: _Way) -> list[Unit]:
     }
     batches = {run.combination.run: run.wanted.batch for run in runs}
     at_a_time = 1 if way.in_process else way.workers
-    client: Any = way.cluster
-    if hasattr(client, "nthreads"):
-        at_a_time = max(1, sum(client.nthreads().values()))
+    if way.cluster is not None and any(missing.values()):
+        from nat2024.engine.cluster import count_places
+
+        at_a_time = count_places(way.cluster, way.workers)
     return plan_units(missing, dataset, way.reading, batches=batches, workers=at_a_time)
 
 
@@ -247,7 +251,6 @@ def _work(
 ) -> Iterator[Outcome]:
     if not units or way.in_process:
         return run_in_process(units, trackers, progress)
-    del trackers  # workers build their own
     if way.cluster is None:
         return run_in_workers(units, way.workers, way.setting, progress)
     from nat2024.engine.cluster import run_on_cluster

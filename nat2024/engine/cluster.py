@@ -12,23 +12,23 @@ import time
 from collections import Counter, deque
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from typing import Any, TypeAlias
+from functools import partial
+from typing import Any
 
 from nat2024.engine.cluster_worker import Answer, Expected, first_frame_fault, run_on_worker
 from nat2024.engine.plan import PluginSpec
 from nat2024.engine.units import Job, Outcome, Progress, Unit
 from nat2024.engine.workers import DIED, Setting, born_deaf_to_interrupts, sort_out
+from nat2024.engine.workforce import GPU, Client, Workforce
 from nat2024.errors import ClusterFailed, UsageError
 from nat2024.files import expand
-
-Client: TypeAlias = Any
-"""A `distributed.Client`; most of that package is untyped."""
 
 log = logging.getLogger("nat2024")
 
 _CONNECT_SECONDS = 30
 _GRACE_SECONDS = 5.0
-_GPU = "GPU"  # the name of the resource that Dask's own pages use
+_STARTED = ("local", "slurm")  # by us
+_LISTEN_SECONDS = 0.5  # then it is time to look who is there
 
 
 def run_on_cluster(
@@ -57,8 +57,32 @@ def run_on_cluster(
         client = cluster if not isinstance(cluster, str) else _connect(cluster, workers, stack)
         log.info("cluster %s, dashboard %s", client.scheduler.address, client.dashboard_link)
         plugins = tuple(map(_absolute, setting.plugins))
-        setting, units = replace(setting, plugins=plugins), map(_located, units)
-        yield from _Campaign(client, units, expected, setting, progress).work()
+        setting = replace(setting, plugins=plugins, in_turn=cluster == "local")
+        work = list(map(_located, units))
+        workforce = Workforce(
+            client,
+            needs_gpu=any(map(_needs_gpu, work)),
+            restore=partial(_restore, client.cluster, workers) if cluster in _STARTED else None,
+        )
+        yield from _Campaign(client, work, expected, setting, progress, workforce).work()
+
+
+def count_places(cluster: str | Client, workers: int) -> int:
+    """How many units a cluster can work on at a time, as far as is known before it has begun.
+
+    Args:
+        cluster: as in `run_on_cluster`.
+        workers: how many are asked for.
+
+    Raises:
+        ClusterFailed: there is nothing at its address.
+    """
+    if isinstance(cluster, str) and "://" not in cluster:
+        return workers
+    with contextlib.ExitStack() as stack:
+        client = cluster if not isinstance(cluster, str) else _connect(cluster, workers, stack)
+        threads: int = sum(client.nthreads().values())
+        return max(workers, threads)
 
 
 def _located(unit: Unit) -> Unit:
@@ -111,7 +135,10 @@ def _start(cluster: str, workers: int, stack: contextlib.ExitStack) -> Any:
         import distributed
 
         local = _untyped(distributed).LocalCluster(
-            n_workers=workers, threads_per_worker=1, dashboard_address=":0"
+            n_workers=workers,
+            threads_per_worker=1,
+            dashboard_address=":0",
+            memory_limit=0,  # as with --workers; a share of the machine's would pause them early
         )
         return stack.enter_context(local)
     if cluster == "slurm":
@@ -141,6 +168,14 @@ def _slurm(workers: int) -> Any:
     return cluster
 
 
+def _restore(cluster: Any, workers: int) -> None:
+    """Start workers anew that a cluster of ours has given up, or whose job has ended."""
+    if hasattr(cluster, "job_cls"):  # counts jobs apart from workers
+        cluster.scale(jobs=workers)
+    else:
+        cluster.scale(workers)
+
+
 @dataclass(slots=True, eq=False)
 class _Task:
     """A unit that the scheduler has."""
@@ -161,13 +196,14 @@ class _Campaign:
         expected: Expected,
         setting: Setting,
         progress: Progress,
+        workforce: Workforce,
     ) -> None:
         self._client, self._expected, self._setting = client, dict(expected), setting
         self._progress = progress
         self._waiting = deque(units)
         self._tries: Counter[Job] = Counter()
         self._tasks: dict[str, _Task] = {}
-        self._is_deserted = False
+        self._workforce = workforce
         self._news: queue.Queue[tuple[str, Any]] = queue.Queue()
         self._topic = f"nat-bench-{secrets.token_hex(6)}"
 
@@ -175,8 +211,9 @@ class _Campaign:
         """Run everything; what is still on its way is called off, however this ends."""
         self._client.subscribe_topic(self._topic, self._hear)
         try:
-            self._await_workers()
             while self._waiting or self._tasks:
+                self._check_alive()
+                self._workforce.look()
                 self._submit()
                 yield from self._listen()
                 yield from self._end_the_stuck()
@@ -188,37 +225,15 @@ class _Campaign:
     def _hear(self, event: Any) -> None:
         self._news.put(("frames", event[1]))
 
-    def _await_workers(self) -> None:
-        told = False
-        while not self._threads():
-            if not told:
-                log.info("no worker yet; waiting for the first")
-                told = True
-            self._check_alive()
-            time.sleep(0.5)
-
-    def _threads(self) -> int:
-        self._check_alive()
-        return sum(self._client.nthreads().values())
-
-    def _check_workers(self) -> None:
-        """Say once that no worker is left: others may come, but nobody should wait unknowingly."""
-        if self._threads():
-            self._is_deserted = False
-        elif not self._is_deserted:
-            self._is_deserted = True
-            log.warning("no worker is left; waiting for one, Ctrl-C keeps what is finished")
-
     def _check_alive(self) -> None:
         if self._client.status not in ("running", "connecting"):
             msg = "the scheduler is gone; what was finished is kept, run the same command again"
             raise ClusterFailed(msg)
 
     def _submit(self) -> None:
-        if not self._waiting:
-            return
         # one for each thread: what waited behind a unit that kills its worker would be blamed too
-        room = max(1, self._threads()) - len(self._tasks)
+        room = self._workforce.room(task.worker for task in self._tasks.values())
+        is_for_gpu = self._workforce.asks_for_gpus
         while self._waiting and room > 0:
             unit, room = self._waiting.popleft(), room - 1
             key = f"{self._topic}-{secrets.token_hex(4)}"
@@ -232,38 +247,46 @@ class _Campaign:
                 key,
                 key=key,
                 pure=False,
-                resources={_GPU: 1} if self._needs_gpu(unit) else None,
+                resources={GPU: 1} if is_for_gpu and _needs_gpu(unit) else None,
             )
             self._tasks[key] = _Task(unit, future)
             future.add_done_callback(self._done)
-
-    def _needs_gpu(self, unit: Unit) -> bool:
-        """Whether it waits for a worker with a GPU; where none tells of any, all may have one."""
-        if not any(c.device.startswith("cuda") for c in unit.combinations):
-            return False
-        workers = self._client.scheduler_info(n_workers=-1)["workers"].values()
-        return any(_GPU in worker["resources"] for worker in workers)
 
     def _done(self, future: Any) -> None:
         self._news.put(("done", future.key))
 
     def _listen(self) -> Iterator[Outcome]:
-        try:
-            word, content = self._news.get(timeout=1.0)
-        except queue.Empty:
-            self._check_workers()
-            return
-        if word == "frames":
-            task = self._tasks.get(content["key"])
-            if task:
+        """Take what has come in; answers that came together are fetched together."""
+        ended: list[_Task] = []
+        for word, content in self._take_news():
+            if word == "done":
+                if content in self._tasks:
+                    ended.append(self._tasks.pop(content))
+            elif task := self._tasks.get(content["key"]):
                 task.worker, task.heard = content["worker"], time.monotonic()
                 self._progress(content["frames"], content["what"])
-        elif content in self._tasks:
-            yield from self._settle(self._tasks.pop(content))
+        finished = [task for task in ended if task.future.status == "finished"]
+        answers = dict(zip(finished, self._fetch(finished), strict=True))
+        for task in ended:
+            yield from self._settle(task, answers.get(task))
 
-    def _settle(self, task: _Task) -> Iterator[Outcome]:
-        if task.future.status == "finished":
-            answer = task.future.result()
+    def _take_news(self) -> Iterator[tuple[str, Any]]:
+        """All news that there are; waits for the first."""
+        with contextlib.suppress(queue.Empty):
+            yield self._news.get(timeout=_LISTEN_SECONDS)
+            while True:
+                yield self._news.get_nowait()
+
+    def _fetch(self, tasks: list[_Task]) -> "list[Answer | Exception]":
+        try:
+            return list(self._client.gather([task.future for task in tasks]))
+        except Exception as error:  # a worker took answers with it, and died again over the work
+            if len(tasks) == 1:
+                return [error]
+        return [one for task in tasks for one in self._fetch([task])]
+
+    def _settle(self, task: _Task, answer: "Answer | Exception | None") -> Iterator[Outcome]:
+        if isinstance(answer, Answer):
             yield from answer.outcomes
             if answer.unfit:
                 yield from self._judge(task.unit, answer)
@@ -272,7 +295,8 @@ class _Campaign:
             msg = "the scheduler has lost our work; what was finished is kept, run it again"
             raise ClusterFailed(msg)
         else:
-            yield from self._try_again(task.unit, _reason(task.future.exception()))
+            reason = _reason(answer or task.future.exception())
+            yield from self._try_again(task.unit, reason)
 
     def _judge(self, unit: Unit, answer: Answer) -> Iterator[Outcome]:
         """A worker lacks something. Where the client has it, the cluster is not fit for this."""
@@ -304,6 +328,10 @@ class _Campaign:
                 except Exception as error:  # no nanny that could, or gone by itself
                     log.warning("worker %s cannot be restarted: %s", task.worker, error)
                 yield from self._try_again(task.unit, f"one frame took longer than {limit:g} s")
+
+
+def _needs_gpu(unit: Unit) -> bool:
+    return any(one.device.startswith("cuda") for one in unit.combinations)
 
 
 def _reason(error: BaseException | None) -> str:

@@ -5,10 +5,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TypeAlias
 
+from nat2024.engine.kept_trackers import KeptTrackers
 from nat2024.engine.plan import describe, untouched_options
 from nat2024.engine.reporting import Throttled
 from nat2024.engine.units import Outcome, Trackers, Unit, run_unit
-from nat2024.engine.workers import Setting, prepare_process
+from nat2024.engine.workers import Setting, prepare_process, stay_on
 from nat2024.errors import ClusterFailed, FrameUnreadable, NatBenchError
 from nat2024.store import Manifest, setting_differences
 from nat2024.types import Sequence
@@ -31,12 +32,12 @@ class Answer:
 _of_thread = threading.local()
 
 
-def _trackers(topic: str, setting: Setting) -> Trackers:
+def _trackers(topic: str, setting: Setting) -> KeptTrackers:
     """The trackers of this thread for one campaign; those of an earlier one are let go."""
     if getattr(_of_thread, "topic", "") != topic:
         prepare_process(setting)
-        _of_thread.trackers, _of_thread.topic = Trackers(), topic
-    trackers: Trackers = _of_thread.trackers
+        _of_thread.trackers, _of_thread.topic = KeptTrackers(), topic
+    trackers: KeptTrackers = _of_thread.trackers
     return trackers
 
 
@@ -58,8 +59,11 @@ def run_on_worker(unit: Unit, expected: Expected, setting: Setting, topic: str, 
         news = {"key": key, "worker": worker.address, "frames": frames, "what": what}
         worker.log_event(topic, news)
 
+    if setting.in_turn:
+        unit = _in_turn(unit, worker.name)
     try:
         trackers = _trackers(topic, setting)
+        trackers.make_room(unit.combinations)
         check_fit(unit, trackers, expected)
     except NatBenchError as error:
         return Answer(unfit=f"worker {worker.address}: {error}")
@@ -72,6 +76,18 @@ def run_on_worker(unit: Unit, expected: Expected, setting: Setting, topic: str, 
     outcomes = tuple(run_unit(unit, trackers, progress))
     progress.flush()
     return Answer(outcomes)
+
+
+def _in_turn(unit: Unit, worker: object) -> Unit:
+    """The unit on the CUDA device whose turn it is, by the number that a worker is named with."""
+    import torch
+
+    count = torch.cuda.device_count()
+    if count < 2 or not isinstance(worker, int):
+        return unit
+    device = f"cuda:{worker % count}"
+    stay_on(device)
+    return unit.on_device(device)
 
 
 def check_fit(unit: Unit, trackers: Trackers, expected: Expected) -> None:

@@ -6,6 +6,7 @@ job fails. Workers end with their parent, however that ends.
 """
 
 import contextlib
+import itertools
 import multiprocessing
 import os
 import signal
@@ -19,6 +20,8 @@ from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from typing import Any
 
+from nat2024.engine.kept_trackers import KeptTrackers
+from nat2024.engine.planning import TOGETHER
 from nat2024.engine.reporting import Throttled
 from nat2024.engine.units import Job, Outcome, Progress, Trackers, Unit, run_unit
 from nat2024.errors import NatBenchError, UsageError
@@ -29,6 +32,7 @@ DIED = "its worker process died (out of memory or a crashed library)"
 _TELL_SECONDS = 0.1
 _GRACE_SECONDS = 2.0  # between two words of a worker, over what a frame may take
 _FALSE_STARTS = 5
+_NEAR = 2 * TOGETHER  # units of like length, among which their order may wait
 _THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
@@ -41,12 +45,14 @@ class Setting:
         plugins: plugin files to load in each.
         retries: how often a job is tried again whose worker died.
         timeout: seconds that a tracker may take for a sequence, so also for one frame.
+        in_turn: whether workers of a cluster, all on one machine, take its CUDA devices in turn.
     """
 
     threads: int = 1
     plugins: tuple[str, ...] = ()
     retries: int = 2
     timeout: float | None = None
+    in_turn: bool = False
 
 
 @contextlib.contextmanager
@@ -98,6 +104,7 @@ class _Worker:
     wire: Connection
     device: str
     unit: Unit | None = None
+    runs: frozenset[str] = frozenset()  # of its last unit, whose trackers it has
     pending: set[Job] = field(default_factory=set)
     is_ready: bool = False
     heard: float = 0.0
@@ -113,6 +120,7 @@ class _Crew:
         self._setting, self._progress = setting, progress
         self._tries: Counter[Job] = Counter()
         self._false_starts = 0
+        self._keeps_all = len({run for unit in units for run in _runs(unit)}) <= TOGETHER
         devices = _devices(units)
         self._places = [devices[number % len(devices)] for number in range(workers)]
         self._workers: list[_Worker] = []
@@ -149,13 +157,23 @@ class _Crew:
     def _hand_out(self) -> Iterator[Outcome]:
         for worker in list(self._workers):
             if worker.is_ready and worker.unit is None and self._waiting:
-                unit = self._waiting.popleft()
-                worker.unit, worker.pending = unit, set(unit.jobs)
+                unit = self._take_unit(worker)
+                worker.unit, worker.runs, worker.pending = unit, _runs(unit), set(unit.jobs)
                 worker.heard = float("inf")  # until its trackers are built
                 try:
                     worker.wire.send(unit.on_device(worker.device) if worker.device else unit)
                 except OSError:
                     yield from self._bury(worker, DIED)
+
+    def _take_unit(self, worker: _Worker) -> Unit:
+        """The first one, or one near it whose trackers the worker has and need not build."""
+        number = 0
+        if not self._keeps_all:
+            near = enumerate(itertools.islice(self._waiting, _NEAR))
+            number = next((n for n, unit in near if _runs(unit) <= worker.runs), 0)
+        unit = self._waiting[number]
+        del self._waiting[number]
+        return unit
 
     def _heard(self) -> list[_Worker]:
         """Workers that have something to tell, their death included; waits for the first."""
@@ -220,7 +238,8 @@ def sort_out(
 ) -> tuple[list[Unit], list[Job]]:
     """What to do with jobs whose worker is gone: each again, by itself, or given up.
 
-    Nobody knows which of several jobs took the worker down, so only one by itself is given up.
+    Nobody knows which of several jobs took the worker down, so only one by itself is given up. A
+    unit with sequences that may not have been begun is narrowed first, which counts for no job.
 
     Args:
         unit: what the worker was on.
@@ -229,11 +248,17 @@ def sort_out(
         retries: how often a job is tried again.
 
     Returns:
-        Units of one job each, and the jobs that have been tried often enough.
+        Smaller units, in the end of one job each, and the jobs that have been tried often enough.
     """
+    if unit.refills:
+        return unit.narrowed(pending), []
     tries.update(pending)
     failed = [job for job in pending if len(pending) == 1 and tries[job] > retries]
     return unit.singles(pending.difference(failed)), failed
+
+
+def _runs(unit: Unit) -> frozenset[str]:
+    return frozenset(one.run for one in unit.combinations)
 
 
 def _devices(units: Sequence[Unit]) -> list[str]:
@@ -249,7 +274,7 @@ def _start(device: str, setting: Setting) -> _Worker:
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
     process = context.Process(
-        target=_work, args=(theirs, setting), name="nat2024 worker", daemon=True
+        target=_work, args=(theirs, setting, device), name="nat2024 worker", daemon=True
     )
     try:
         process.start()
@@ -299,20 +324,30 @@ def prepare_process(setting: Setting) -> None:
         load_plugin_file(source)
 
 
-def _work(wire: Connection, setting: Setting) -> None:
+def stay_on(device: str) -> None:
+    """Let what names no CUDA device take this one, so that the first is not crowded by all."""
+    import torch
+
+    torch.cuda.set_device(device)
+
+
+def _work(wire: Connection, setting: Setting, device: str) -> None:
     """What a worker process does: units, one after another, until its parent ends it."""
     threading.Thread(target=_end_with_parent, daemon=True).start()
+    if device:
+        stay_on(device)
     try:
         prepare_process(setting)
     except NatBenchError as error:
         wire.send(("unfit", str(error)))
         return
-    trackers = Trackers()
+    trackers = KeptTrackers()
     progress = Throttled(lambda *done: wire.send(("frames", done)), _TELL_SECONDS)
     with contextlib.suppress(EOFError, BrokenPipeError):  # there is nobody to work for any more
         while True:
             wire.send(("ready", None))
             unit = wire.recv()
+            trackers.make_room(unit.combinations)
             for outcome in run_unit(unit, trackers, progress):
                 progress.flush()
                 wire.send(("outcome", outcome))
