@@ -134,9 +134,9 @@ def plan(name: str, workers: int, batch: int) -> tuple[Unit, ...]:
 
 
 def forwards(unit: Unit) -> int:
-    """Frames of a unit, as if a batch cost its whole time until its longest sequence ends."""
-    longest = max(map(len, unit.sequences))
-    return len(unit.combinations) * len(unit.sequences) * longest
+    """Frames of a unit, as if a batch cost its whole time until its last sequence ends."""
+    steps = carry_out([len(sequence) for sequence in unit.sequences], unit.lanes)
+    return len(unit.combinations) * unit.lanes * round(steps)
 
 
 def carry_out(seconds: Sequence[float], workers: int, serial: Sequence[float] = ()) -> float:

@@ -1,10 +1,11 @@
 """Several trackers and sequences on their way together, frame by frame.
 
-Each frame is decoded once, whoever looks at it. A tracker that fails on a sequence leaves it, and
-costs no other one anything.
+Sequences go in lanes. Each frame is decoded once, whoever looks at it. A tracker that fails on a
+sequence leaves it, and costs no other one anything.
 """
 
 import contextlib
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
@@ -63,51 +64,64 @@ def track_together(
     sequences: Sequence[types.Sequence],
     reading: Reading,
     on_frame: FrameCallback | None = None,
+    *,
+    lanes: int = 1,
 ) -> Iterator[Finish]:
-    """Track sequences from their first boxes to their last frames, all of them frame by frame.
+    """Track sequences from their first boxes to their last frames, some of them frame by frame.
 
-    Frames are decoded ahead, in a background thread for each sequence. The seconds told for
-    reading are what was waited for a frame, and count for every tracker that saw it.
+    A sequence that ends, or that no tracker follows any more, leaves its lane to the next one, so
+    that batches stay full to the last few sequences. Frames are decoded ahead, in a background
+    thread for each lane. The seconds told for reading are what was waited for a frame, and count
+    for every tracker that saw it.
 
     Args:
         trackers: several may share one enhancer by `SharedFrames`; put these side by side.
-        sequences: more than one only where every tracker is a `BatchTracker`.
+        sequences: begun in this order; the longest first leaves least to wait for at the end.
         reading: how frames are read.
         on_frame: called after each frame of each tracker.
+        lanes: how many sequences advance at once; more than one only where every tracker is a
+            `BatchTracker`.
 
     Yields:
         One `Finish` for each tracker and sequence, as soon as the sequence has ended.
     """
-    kind = BatchMethod if len(sequences) > 1 else Method
+    kind = BatchMethod if min(lanes, len(sequences)) > 1 else Method
     methods = [kind(tracker) for tracker in trackers]
     shared = [e.shared for t in trackers if isinstance(e := t.enhancer, TimedEnhancer) and e.shared]
     for frames in shared:
-        frames.size = len(sequences)
-    with contextlib.ExitStack() as stack:
-        live = {n: _Slot(s, len(methods), reading) for n, s in enumerate(sequences)}
-        for slot in live.values():
-            stack.enter_context(slot)
-        for index in range(max(map(len, sequences))):
-            _advance(methods, index, live, on_frame)
+        frames.size = lanes
+    waiting = deque(enumerate(sequences))
+    live: dict[int, _Lane] = {}
+    try:
+        while waiting or live:
+            begun: dict[int, _Lane] = {}
+            while waiting and len(live) < lanes:
+                number, sequence = waiting.popleft()
+                begun[number] = live[number] = _Lane(sequence, len(methods), reading)
+            # Those that begin catch up before the others go on, so that batches are full.
+            moving = begun or dict(live)
+            _advance(methods, moving, on_frame)
             for frames in shared:
                 frames.clear()
-            for which in [n for n, slot in live.items() if slot.has_ended(index)]:
-                slot = live.pop(which)
-                slot.close()
-                for number, trail in enumerate(slot.trails):
-                    yield Finish(number, which, trail.result())
+            for which in [number for number, lane in moving.items() if lane.has_ended]:
+                lane = live.pop(which)
+                lane.close()
+                for number, method in enumerate(methods):
+                    method.end(which)
+                    yield Finish(number, which, lane.trails[number].result())
+    finally:
+        for lane in live.values():
+            lane.close()
 
 
 def _advance(
-    methods: Sequence[Method],
-    index: int,
-    live: "Mapping[int, _Slot]",
-    on_frame: FrameCallback | None,
+    methods: Sequence[Method], lanes: "Mapping[int, _Lane]", on_frame: FrameCallback | None
 ) -> None:
-    for slot in live.values():
-        slot.read(index)
+    """One frame of all trackers in these lanes, of which all begin or none does."""
+    for lane in lanes.values():
+        lane.read()
     for number, method in enumerate(methods):
-        for moved in _step(method, number, index, live, watched=len(methods) > 1):
+        for moved in _step(method, number, lanes, watched=len(methods) > 1):
             if on_frame:
                 on_frame(number, moved)
 
@@ -142,34 +156,30 @@ class _Trail:
         return self.error or Track(self.boxes, self.seconds, tuple(self.skipped))
 
 
-class _Slot:
-    """A sequence: its frames, each read once, and the trails of all trackers that follow it."""
+class _Lane:
+    """A sequence on its way: its frames, each read once, and the trails of all its trackers."""
 
     def __init__(self, sequence: types.Sequence, trackers: int, reading: Reading) -> None:
         self.sequence, self.reading = sequence, reading
         self.trails = [_Trail(len(sequence)) for _ in range(trackers)]
+        self.index = -1  # of the frame that was read last
         self.image: Image | None = None
         self.waited = 0.0
         self._shape: tuple[int, ...] = ()
         self._images = prefetch(sequence.frames, ahead=reading.ahead)
+        self._images.__enter__()
 
     def __len__(self) -> int:
         return len(self.sequence)
-
-    def __enter__(self) -> "_Slot":
-        self._images.__enter__()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def close(self) -> None:
         self._images.__exit__(None, None, None)
         self.image = None
 
-    def read(self, index: int) -> None:
+    def read(self) -> None:
         """Take the next frame; where it cannot be read, note that in all trails."""
         start = now()
+        self.index += 1
         self.image = None
         try:
             if not len(self.sequence.boxes):
@@ -180,9 +190,9 @@ class _Slot:
             self._shape = self._shape or self.image.shape
             self.waited = now() - start
         except FrameUnreadable as unreadable:
-            if index and self.reading.on_bad_frame == "skip":
+            if self.index and self.reading.on_bad_frame == "skip":
                 for trail in self.trails:
-                    trail.repeat(index, now() - start)
+                    trail.repeat(self.index, now() - start)
             else:
                 self._fail(unreadable)
         except DatasetIncomplete as incomplete:
@@ -192,19 +202,19 @@ class _Slot:
         for trail in self.trails:
             trail.error = trail.error or error
 
-    def note(self, number: int, index: int, found: Found | NatBenchError) -> bool:
+    def note(self, number: int, found: Found | NatBenchError) -> bool:
         """Keep what a tracker found; gives whether it goes on."""
         trail = self.trails[number]
         if isinstance(found, NatBenchError):
-            where = f"frame {index + 1} of {len(self)}"
+            where = f"frame {self.index + 1} of {len(self)}"
             try:
                 with name_failures(where, self._other_size()):
                     raise found
             except NatBenchError as told:
                 trail.error = told
             return False
-        trail.note(index, self.waited, found)
-        trail.check_time(index, self.reading.timeout)
+        trail.note(self.index, self.waited, found)
+        trail.check_time(self.index, self.reading.timeout)
         return trail.error is None
 
     def _other_size(self) -> str:
@@ -214,39 +224,41 @@ class _Slot:
         sizes = [f"{shape[1]}x{shape[0]}" for shape in (self.image.shape, self._shape)]
         return f" (this frame is {sizes[0]}, the first one {sizes[1]})"
 
-    def has_ended(self, index: int) -> bool:
-        return index == len(self) - 1 or all(trail.error for trail in self.trails)
+    @property
+    def has_ended(self) -> bool:
+        return self.index == len(self) - 1 or all(trail.error for trail in self.trails)
 
 
 def _step(
-    method: Method, number: int, index: int, live: Mapping[int, _Slot], *, watched: bool
+    method: Method, number: int, lanes: Mapping[int, _Lane], *, watched: bool
 ) -> Iterator[int]:
-    """One frame of one tracker in every slot that it still follows; gives the slots that moved."""
-    following = {which: s for which, s in live.items() if s.trails[number].error is None}
-    images = {which: s.image for which, s in following.items() if s.image is not None}
+    """One frame of one tracker in every lane that it still follows; gives those that moved."""
+    following = {which: lane for which, lane in lanes.items() if lane.trails[number].error is None}
+    images = {which: lane.image for which, lane in following.items() if lane.image is not None}
     yield from following.keys() - images.keys()
     if not images:
         return
-    with _own_frames(method, images, watched=watched and index < _WATCHED_FRAMES) as frames:
-        if index:
+    fresh = [which for which in images if watched and lanes[which].index < _WATCHED_FRAMES]
+    with _own_frames(method, images, fresh) as frames:
+        if all(lanes[which].index for which in frames):
             found = method.advance(frames)
         else:
-            boxes = {which: live[which].sequence.boxes[0] for which in frames}
+            boxes = {which: lanes[which].sequence.boxes[0] for which in frames}
             found = method.start({which: (frames[which], boxes[which]) for which in frames})
     for which, result in found.items():
-        if live[which].note(number, index, result):
+        if lanes[which].note(number, result):
             yield which
 
 
 @contextlib.contextmanager
 def _own_frames(
-    method: Method, images: Mapping[int, Image], *, watched: bool
+    method: Method, images: Mapping[int, Image], watched: Sequence[int]
 ) -> Iterator[Mapping[int, Image]]:
     """The frames for one tracker: the shared ones, or copies for one that writes into them."""
     if method.writes:
         yield {which: image.copy() for which, image in images.items()}
         return
-    before = {which: image.copy() for which, image in images.items()} if watched else {}
+    before = {which: images[which].copy() for which in watched}
     yield images
     for which, untouched in before.items():
         if not np.array_equal(images[which], untouched):

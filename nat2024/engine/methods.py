@@ -32,7 +32,7 @@ class BatchTracker(Protocol):
 
 
 class Method:
-    """A tracker that follows sequences by their slots; this one takes them one by one.
+    """A tracker that follows sequences by their numbers; this one takes them one by one.
 
     It has one state, so it can follow one sequence only at a time.
 
@@ -46,12 +46,15 @@ class Method:
         self.writes = False
 
     def start(self, frames: Mapping[int, Start]) -> dict[int, Found | NatBenchError]:
-        """Start on the first frame of each slot."""
-        return {slot: self._try(image, box) for slot, (image, box) in frames.items()}
+        """Start on the first frame of each sequence."""
+        return {which: self._try(image, box) for which, (image, box) in frames.items()}
 
     def advance(self, frames: Mapping[int, Image]) -> dict[int, Found | NatBenchError]:
-        """Follow into the next frame of each slot; a failure costs its own slot only."""
-        return {slot: self._try(image) for slot, image in frames.items()}
+        """Follow into the next frame of each sequence; a failure costs its own sequence only."""
+        return {which: self._try(image) for which, image in frames.items()}
+
+    def end(self, which: int) -> None:
+        """Forget a sequence."""
 
     def _try(self, image: Image, first_box: Box | None = None) -> Found | NatBenchError:
         try:
@@ -63,7 +66,7 @@ class Method:
 
 
 class BatchMethod(Method):
-    """A tracker with `begin` and `update_many`: all slots advance in one forward.
+    """A tracker with `begin` and `update_many`: all sequences advance in one forward.
 
     The seconds of a forward are shared out evenly among its sequences.
     """
@@ -76,18 +79,18 @@ class BatchMethod(Method):
         self._targets: dict[int, Any] = {}
 
     def start(self, frames: Mapping[int, Start]) -> dict[int, Found | NatBenchError]:
-        """Start on the first frame of each slot, one by one: crops differ in what they need."""
+        """Start on the first frame of each sequence, one by one: crops differ in what they need."""
         found: dict[int, Found | NatBenchError] = {}
-        for slot, (image, box) in frames.items():
-            found[slot] = self._try(image, box)
-            if isinstance(found[slot], NatBenchError):
+        for which, (image, box) in frames.items():
+            found[which] = self._try(image, box)
+            if isinstance(found[which], NatBenchError):
                 continue
             try:
                 with name_failures():
                     begun = self._steps.begin(self._seen(image), np.array(box, dtype=np.float64))
-                    self._firsts[slot], self._targets[slot] = begun
+                    self._firsts[which], self._targets[which] = begun
             except NatBenchError as error:
-                found[slot] = error
+                found[which] = error
         return found
 
     def advance(self, frames: Mapping[int, Image]) -> dict[int, Found | NatBenchError]:
@@ -99,27 +102,34 @@ class BatchMethod(Method):
             if len(frames) == 1:
                 return dict.fromkeys(frames, error)
         found: dict[int, Found | NatBenchError] = {}
-        for slot, image in frames.items():
-            found |= self.advance({slot: image})
+        for which, image in frames.items():
+            found |= self.advance({which: image})
         return found
+
+    def end(self, which: int) -> None:
+        """Forget a sequence, whose features may lie in a device's memory."""
+        self._firsts.pop(which, None)
+        self._targets.pop(which, None)
 
     def _together(self, frames: Mapping[int, Image]) -> dict[int, Found]:
         timed, device = _timed(self.tracker), self.tracker.device
-        slots = list(frames)
+        order = list(frames)
         if timed:
             timed.take()
         ready = now(device)
         steps = self._steps.update_many(
-            [self._seen(frames[slot]) for slot in slots],
-            [self._firsts[slot] for slot in slots],
-            [self._targets[slot] for slot in slots],
+            [self._seen(frames[which]) for which in order],
+            [self._firsts[which] for which in order],
+            [self._targets[which] for which in order],
         )
         passed = now(device) - ready
         spent = timed.take() if timed else Spent(0.0, 0.0)
-        seconds = np.array([spent.cost, passed - spent.here]) / len(slots)
-        by_slot = dict(zip(slots, steps, strict=True))
-        found = {slot: (_box(self.tracker, step.box), seconds) for slot, step in by_slot.items()}
-        self._targets |= {slot: step.target for slot, step in by_slot.items()}
+        seconds = np.array([spent.cost, passed - spent.here]) / len(order)
+        by_number = dict(zip(order, steps, strict=True))
+        found = {
+            which: (_box(self.tracker, step.box), seconds) for which, step in by_number.items()
+        }
+        self._targets |= {which: step.target for which, step in by_number.items()}
         return found
 
     def _seen(self, image: Image) -> Image:

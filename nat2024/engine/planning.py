@@ -15,6 +15,9 @@ from nat2024.types import Dataset
 TOGETHER = 12
 """Combinations that share decoded frames at most: with more, a kill would lose more than is won."""
 
+LANE_ROUNDS = 4
+"""Sequences for each lane of a unit at most, where others work beside it; one process takes all."""
+
 _UNITS_A_WORKER = 4  # enough small ones at the end that no worker waits long for the last
 
 
@@ -30,7 +33,8 @@ def plan_units(
 
     A sequence goes through all its missing combinations at once, so that it is decoded once; with
     several workers it is split by combinations until no unit is so large that others would wait
-    for it at the end, and the longest go first.
+    for it at the end, and the longest go first. Where several sequences advance at once, a unit
+    has more of them than lanes, so that lanes can be filled again.
 
     Args:
         missing: by sequence, the combinations that have no result for it.
@@ -48,15 +52,15 @@ def plan_units(
         for width, runs in by_width.items():
             groups[width, tuple(runs)].append(sequence)
     chunks = [
-        ([combinations[run] for run in runs], chunk)
+        ([combinations[run] for run in runs], chunk, width)
         for (width, runs), sequences in groups.items()
-        for chunk in _chunks(sequences, width)
+        for chunk in _chunks(sequences, width, workers)
     ]
-    total = sum(len(runs) * sum(map(len, chunk)) for runs, chunk in chunks)
+    total = sum(len(runs) * sum(map(len, chunk)) for runs, chunk, _ in chunks)
     largest = total / (workers * _UNITS_A_WORKER) if workers > 1 else float("inf")
     units = [
-        Unit(tuple(part), tuple(chunk), reading)
-        for runs, chunk in chunks
+        Unit(tuple(part), tuple(chunk), reading, min(width, len(chunk)))
+        for runs, chunk, width in chunks
         for part in _parts(runs, largest / max(1, sum(map(len, chunk))))
     ]
     if workers > 1:
@@ -65,11 +69,28 @@ def plan_units(
     return sorted(units, key=lambda unit: place[unit.sequences[0].name])
 
 
-def _chunks(sequences: list[types.Sequence], width: int) -> Iterable[list[types.Sequence]]:
-    """At most `width` sequences each, of like lengths where there are several."""
-    if width > 1:
-        sequences = sorted(sequences, key=len, reverse=True)
-    return [sequences[start : start + width] for start in range(0, len(sequences), width)]
+def _chunks(
+    sequences: list[types.Sequence], width: int, workers: int
+) -> list[list[types.Sequence]]:
+    """What goes through `width` lanes in one unit, the longest first; each alone without lanes."""
+    if width == 1:
+        return [[sequence] for sequence in sequences]
+    count = 1
+    if workers > 1:
+        rounds = -(-len(sequences) // (workers * width * LANE_ROUNDS))
+        count = min(workers * rounds, -(-len(sequences) // width))
+    return evenly(sequences, count)
+
+
+def evenly(sequences: Iterable[types.Sequence], count: int) -> list[list[types.Sequence]]:
+    """At most `count` parts of like numbers of frames, the longest sequences first in each."""
+    parts: list[list[types.Sequence]] = [[] for _ in range(count)]
+    frames = [0] * count
+    for sequence in sorted(sequences, key=lambda s: (-len(s), s.name)):
+        lightest = min(range(count), key=lambda part: (frames[part], len(parts[part])))
+        parts[lightest].append(sequence)
+        frames[lightest] += len(sequence)
+    return [part for part in parts if part]
 
 
 def _parts(combinations: list[Combination], room: float) -> Iterable[list[Combination]]:
@@ -97,10 +118,4 @@ def shard(dataset: Dataset, number: int, count: int) -> Dataset:
     if count > len(dataset):
         msg = f"shard {number}/{count}: {dataset.name} has only {len(dataset)} sequences"
         raise UsageError(msg)
-    parts: list[list[str]] = [[] for _ in range(count)]
-    frames = [0] * count
-    for sequence in sorted(dataset, key=lambda s: (-len(s), s.name)):
-        lightest = min(range(count), key=lambda part: (frames[part], len(parts[part])))
-        parts[lightest].append(sequence.name)
-        frames[lightest] += len(sequence)
-    return dataset.select(parts[number - 1])
+    return dataset.select([sequence.name for sequence in evenly(dataset, count)[number - 1]])

@@ -1,5 +1,6 @@
 """Units of work: sequences and the combinations that follow them together."""
 
+from collections import defaultdict
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
@@ -25,13 +26,16 @@ class Unit:
 
     Attributes:
         combinations: those that share an enhancer stand side by side.
-        sequences: several only where every combination advances in batches.
+        sequences: in the order in which they are begun.
         reading: how frames are read, and when a sequence is given up.
+        lanes: how many sequences advance at once; several only where every combination advances
+            in batches.
     """
 
     combinations: tuple[Combination, ...]
     sequences: tuple[types.Sequence, ...]
     reading: Reading
+    lanes: int = 1
 
     @property
     def jobs(self) -> list[Job]:
@@ -57,6 +61,33 @@ class Unit:
             for sequence in self.sequences
             for combination in self.combinations
             if (combination.run, sequence.name) in jobs
+        ]
+
+    @property
+    def refills(self) -> bool:
+        """Whether sequences wait for a lane: not all are begun at once."""
+        return len(self.sequences) > self.lanes
+
+    def narrowed(self, jobs: set[Job]) -> "list[Unit]":
+        """Units for each of these jobs of it, none of which begins more sequences than at first.
+
+        One that refilled its lanes is cut into units that do not; any other into single jobs.
+        """
+        if not self.refills:
+            return self.singles(jobs)
+        left: dict[frozenset[str], list[types.Sequence]] = defaultdict(list)
+        for sequence in self.sequences:
+            left[frozenset(run for run, name in jobs if name == sequence.name)].append(sequence)
+        return [
+            Unit(
+                tuple(c for c in self.combinations if c.run in runs),
+                tuple(sequences[start : start + self.lanes]),
+                self.reading,
+                self.lanes,
+            )
+            for runs, sequences in left.items()
+            for start in range(0, len(sequences), self.lanes)
+            if runs
         ]
 
     def on_device(self, device: str) -> "Unit":
@@ -127,7 +158,7 @@ def run_unit(unit: Unit, trackers: Trackers, progress: Progress) -> Iterator[Out
     def told(tracker: int, sequence: int) -> None:
         progress(1, f"{combinations[tracker].run}, {unit.sequences[sequence].name}")
 
-    for finish in track_together(made, unit.sequences, unit.reading, told):
+    for finish in track_together(made, unit.sequences, unit.reading, told, lanes=unit.lanes):
         run, name = combinations[finish.tracker].run, unit.sequences[finish.sequence].name
         if isinstance(finish.result, NatBenchError):
             yield Outcome(run, name, reason=str(finish.result))

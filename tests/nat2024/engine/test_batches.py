@@ -14,8 +14,9 @@ from nat2024 import Tracker, register_tracker
 from nat2024.cards import Card
 from nat2024.cli import run as nat_bench
 from nat2024.engine import combine, run_benchmark
+from nat2024.engine.methods import BatchMethod
 from nat2024.engine.plan import Combination, PluginSpec
-from nat2024.errors import ResultConflict
+from nat2024.errors import NatBenchError, ResultConflict
 from nat2024.store import RunFolder
 from nat2024.types import Dataset
 
@@ -83,6 +84,7 @@ class Together(Tracker):
 
     card = Card(title="Together", summary="For tests.", scopes=("frame",))
     widths: list[int]
+    wide = 20.0
 
     def start(self, image: Any, box: Any) -> Any:
         self._state = self.begin(image, box)
@@ -102,7 +104,7 @@ class Together(Tracker):
             target + [image.mean() - first, 0, 0, 0]
             for image, first, target in zip(images, firsts, targets, strict=True)
         ]
-        if any(box[2] > 20 and len(type(self).widths) > 4 for box in moved):
+        if any(box[2] > self.wide and len(type(self).widths) > 4 for box in moved):
             message = "lost its mind"
             raise ValueError(message)
         return [Step(box, 1.0) for box in moved]
@@ -131,6 +133,79 @@ def test_a_failure_costs_only_its_own_sequence(
         alone = RunFolder(tmp_path / "night_clip" / "together@alone").box_file(name)
         batched = RunFolder(tmp_path / "night_clip" / "together").box_file(name)
         assert alone.read_bytes() == batched.read_bytes()
+
+
+def various(folder: Path, lengths: tuple[int, ...]) -> Dataset:
+    """A sequence for each length, cut out of those of a dataset."""
+    dataset = nat2024.load_dataset(folder)
+    cut = []
+    for number, length in enumerate(lengths):
+        whole = dataset.sequences[number % len(dataset)]
+        frames = whole.frames.cut(length)  # type: ignore[attr-defined]
+        cut.append(replace(whole, name=f"s{number}", frames=frames, boxes=whole.boxes[:length]))
+    return replace(dataset, sequences=tuple(cut))
+
+
+def test_a_lane_that_is_free_takes_the_next_sequence(
+    night_clip: Path, tmp_path: Path, together: type[Together]
+) -> None:
+    together.wide = 1000  # none fails
+    dataset = various(night_clip, (2, 8, 1, 5, 2, 7, 1))
+    combinations = combine(["together", "together@b"], ["none", "invert"], scope="frame")
+    for batch in (1, 3):
+        together.widths.clear()
+        report = run_benchmark(combinations, dataset, tmp_path / str(batch), batch=batch)
+        assert (report.tracked, report.failures) == (28, ())
+    # the longest first: 8, 7 and 5 frames; then 2, 2, 1 and 1 follow the one of 5, later the others
+    moves = [width for width in together.widths for _ in range(width)]
+    assert len(moves) == 4 * sum(len(s) - 1 for s in dataset)
+    assert together.widths[::4] == [3, 3, 3, 3, 3, 3, 1]
+    for run in (one.run for one in combinations):
+        folders = [RunFolder(tmp_path / f"{batch}/night_clip/{run}") for batch in (1, 3)]
+        for sequence in dataset:
+            alone, batched = (folder.box_file(sequence.name) for folder in folders)
+            assert alone.read_bytes() == batched.read_bytes()
+            assert len(folders[1].seconds(sequence.name)) == len(sequence)
+
+
+def test_one_that_cannot_start_leaves_its_lane_at_once(
+    night_clip: Path, tmp_path: Path, together: type[Together]
+) -> None:
+    together.wide = 1000
+    dataset = various(night_clip, (8, 7, 6, 5))
+    broken = replace(dataset.sequences[1], boxes=np.full((7, 4), np.nan))
+    dataset = replace(dataset, sequences=(dataset.sequences[0], broken, *dataset.sequences[2:]))
+    report = run_benchmark(combine(["together"], ["none"]), dataset, tmp_path, batch=2)
+    [failure] = report.failures
+    assert failure.sequence == "s1"
+    assert "frame 1 of 7" in failure.reason
+    assert together.widths == [2] * 7 + [1] * 2
+
+
+def test_what_ended_is_forgotten(together: type[Together]) -> None:
+    method, image = BatchMethod(together()), np.zeros((9, 9, 3), np.uint8)
+    method.start({number: (image, np.array([1.0, 2, 3, 4])) for number in range(2)})
+    method.end(0)
+    method.end(0)
+    assert set(method.advance({1: image})) == {1}
+    assert isinstance(method.advance({0: image})[0], NatBenchError)
+
+
+def test_a_resumed_run_fills_its_lanes_with_what_is_missing(
+    night_clip: Path, tmp_path: Path, together: type[Together]
+) -> None:
+    together.wide = 1000
+    dataset = various(night_clip, (2, 8, 4, 6))
+    combinations = combine(["together"], ["none"])
+    run_benchmark(combinations, dataset, tmp_path, batch=2)
+    folder = RunFolder(tmp_path / "night_clip" / "together")
+    before = {name: folder.box_file(name).read_bytes() for name in folder.finished()}
+    for name in ("s0", "s2", "s3"):
+        folder.box_file(name).unlink()
+    together.widths.clear()
+    assert run_benchmark(combinations, dataset, tmp_path, batch=2).tracked == 3
+    assert together.widths == [2] * 4 + [1]
+    assert {name: folder.box_file(name).read_bytes() for name in folder.finished()} == before
 
 
 def test_bad_frames_in_a_batch(night_clip: Path, tmp_path: Path, together: type[Together]) -> None:

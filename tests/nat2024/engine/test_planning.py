@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from nat2024.engine import shard
 from nat2024.engine.lockstep import Reading
 from nat2024.engine.plan import Combination, PluginSpec
-from nat2024.engine.planning import TOGETHER, plan_units
+from nat2024.engine.planning import LANE_ROUNDS, TOGETHER, plan_units
+from nat2024.engine.workers import sort_out
 from nat2024.errors import UsageError
 from nat2024.types import Dataset, Sequence
 
@@ -59,7 +60,10 @@ def test_every_missing_job_is_in_one_unit(
     assert jobs == Counter((c.run, name) for name, some in missing.items() for c in some)
     for unit in units:
         assert len(unit.combinations) <= TOGETHER
-        assert len(unit.sequences) <= min(batches[c.run] for c in unit.combinations)
+        assert unit.lanes <= min(batches[c.run] for c in unit.combinations)
+        assert unit.lanes <= len(unit.sequences)
+        rounds = LANE_ROUNDS if workers > 1 and unit.lanes > 1 else len(unit.sequences)
+        assert len(unit.sequences) <= max(1, rounds * unit.lanes)
 
 
 def test_one_process_decodes_each_sequence_once_in_order() -> None:
@@ -90,11 +94,42 @@ def test_the_longest_go_first_and_nobody_waits_long(workers: int) -> None:
     assert max(ends) <= 1.3 * ideal
 
 
-def test_batches_are_of_like_lengths() -> None:
+def test_one_process_fills_its_lanes_from_all_sequences_the_longest_first() -> None:
     runs = product(1, 1)
-    units = plan(dataset(10, 900, 12, 880, 11), runs, batches={"t0": 2})
-    names = {frozenset(s.name for s in unit.sequences) for unit in units}
-    assert names == {frozenset({"s001", "s003"}), frozenset({"s002", "s004"}), frozenset({"s000"})}
+    [unit] = plan(dataset(10, 900, 12, 880, 11), runs, batches={"t0": 2})
+    assert [s.name for s in unit.sequences] == ["s001", "s003", "s002", "s004", "s000"]
+    assert unit.lanes == 2
+
+
+@given(st.lists(st.integers(1, 900), min_size=1, max_size=60), st.integers(2, 5), st.integers(2, 8))
+def test_workers_share_sequences_evenly_and_keep_their_lanes_full(
+    lengths: list[int], workers: int, batch: int
+) -> None:
+    units = plan(dataset(*lengths), product(1, 1), batches={"t0": batch}, workers=workers)
+    frames = [unit.frames for unit in units]
+    assert max(frames) - min(frames) <= max(lengths)
+    if len(lengths) >= workers * batch:
+        assert len(units) % workers == 0
+    assert len(units) <= max(workers, -(-len(lengths) // batch))
+
+
+def test_a_unit_whose_worker_died_is_narrowed_before_it_is_taken_apart() -> None:
+    [unit] = plan(dataset(9, 8, 7, 6, 5), product(2, 1), batches={"t0": 2, "t1": 2})
+    assert unit.refills
+    pending = set(unit.jobs) - {("t0", "s000"), ("t1", "s000"), ("t0", "s001")}
+    narrow = unit.narrowed(pending)
+    assert {job for one in narrow for job in one.jobs} == pending
+    assert [[s.name for s in one.sequences] for one in narrow] == [
+        ["s001"],
+        ["s002", "s003"],
+        ["s004"],
+    ]
+    assert not any(one.refills for one in narrow)
+    singles = narrow[1].narrowed(set(narrow[1].jobs))
+    assert [len(one.jobs) for one in singles] == [1] * 4
+    tries: Counter[Any] = Counter()
+    assert sort_out(unit, pending, tries, 0) == (narrow, [])
+    assert not tries
 
 
 @given(st.lists(st.integers(1, 3000), min_size=1, max_size=40), st.integers(1, 40))

@@ -60,7 +60,7 @@ def test_sorting_out_what_a_worker_left(night_clip: Path) -> None:
 
     sequences = tuple(nat2024.load_dataset(night_clip))
     combinations = (Combination(PluginSpec("a"), None), Combination(PluginSpec("b"), None))
-    unit = Unit(combinations, sequences, Reading())
+    unit = Unit(combinations, sequences, Reading(), lanes=len(sequences))
     tries: Counter[Any] = Counter()
     pending = {("a", "wide"), ("b", "tall")}
     again, failed = crew.sort_out(unit, pending, tries, retries=0)
