@@ -109,7 +109,14 @@ def _difference(
 ) -> float:
     if not is_installed("onnxruntime", "cpu"):
         return math.nan
-    session = open_session("onnxruntime", path, device="cpu", threads=1, precision="float32")
+    session = open_session(
+        "onnxruntime",
+        path,
+        device="cpu",
+        threads=1,
+        precision="float32",
+        shapes=[tuple(one.shape) for one in inputs],
+    )
     found = session([one.detach().cpu().contiguous().numpy() for one in inputs])
     return max(
         float(abs(one - other.cpu().numpy()).max()) / max(float(other.abs().max()), 1.0)

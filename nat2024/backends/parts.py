@@ -22,7 +22,11 @@ TOLERANCES: Mapping[Precision, float] = {"float32": 1e-4, "bfloat16": 0.1}
 """How far outputs may be from PyTorch's, in shares of the largest (or of 1, if that is more)."""
 
 _MOST_SHAPES = 16
-"""Sessions of fixed shape that are kept; inputs of further shapes run in PyTorch."""
+"""Sessions of fixed shape that are kept. Beyond, inputs of further shapes run in PyTorch where each
+shape needs an export of its own, and else the session that was opened first is closed."""
+
+_FASTER_FIXED: frozenset[BackendName] = frozenset({"openvino"})
+"""What runs a network for one shape faster (a sixth, in bfloat16) and opens it at once."""
 
 _is_all_in_torch: ContextVar[bool] = ContextVar("_is_all_in_torch", default=False)
 
@@ -60,6 +64,13 @@ class _Opened:
     def clear(self) -> None:
         self.sessions.clear()
         self.checked.clear()
+
+    def forget_oldest(self) -> None:
+        """Close the first session where there are too many; its shape is checked anew."""
+        if len(self.sessions) > _MOST_SHAPES:
+            shapes = next(iter(self.sessions))
+            del self.sessions[shapes]
+            self.checked.discard(shapes or ())
 
 
 class CompiledPart:
@@ -118,13 +129,15 @@ class CompiledPart:
             if self._is_left_to_torch():
                 return wanted
             opened.checked.add(shapes)
+            opened.forget_oldest()
         return self._run(opened.sessions[self._key(shapes)], inputs)
 
     def _is_left_to_torch(self) -> bool:
         return self.backend == "torch"
 
     def _key(self, shapes: Shapes) -> Shapes | None:
-        return None if self._is_dynamic else shapes
+        """What a session is kept under: inputs of these shapes, or of any."""
+        return shapes if not self._is_dynamic or self.backend in _FASTER_FIXED else None
 
     def _open_checked(
         self,
@@ -179,6 +192,7 @@ class CompiledPart:
             device=self.device,
             threads=self._threads,
             precision=self.precision,
+            shapes=[tuple(one.shape) for one in inputs],
         )
 
     def _run(self, session: Session, inputs: "Sequence[torch.Tensor]") -> Outputs:

@@ -137,10 +137,14 @@ def open_session(
     device: str,
     threads: int,
     precision: Precision,
+    shapes: Sequence[tuple[int, ...]],
 ) -> Session:
-    """Open an ONNX file, or its bytes; whatever the runtime raises about it is let through."""
+    """Open an ONNX file, or its bytes; whatever the runtime raises about it is let through.
+
+    `shapes` are those of all inputs that will be given; onnxruntime takes others as well.
+    """
     if backend == "openvino":
-        return _open_openvino(network, threads, precision)
+        return _open_openvino(network, threads, precision, shapes)
     return _open_onnxruntime(network, threads, _providers_for(backend, device))
 
 
@@ -177,12 +181,21 @@ def _open_onnxruntime(network: Path | bytes, threads: int, providers: list[Any])
     return run
 
 
-def _open_openvino(network: Path | bytes, threads: int, precision: Precision) -> Session:
+def _open_openvino(
+    network: Path | bytes,
+    threads: int,
+    precision: Precision,
+    shapes: Sequence[tuple[int, ...]],
+) -> Session:
     import openvino
 
     core = openvino.Core()
+    model = core.read_model(network)
+    names = [one.get_any_name() for one in model.inputs]
+    places = _places(names)
+    model.reshape({name: shapes[place] for name, place in zip(names, places, strict=True)})
     compiled = core.compile_model(
-        core.read_model(network),
+        model,
         "CPU",
         {
             "INFERENCE_PRECISION_HINT": {"float32": "f32", "bfloat16": "bf16"}[precision],
@@ -192,7 +205,6 @@ def _open_openvino(network: Path | bytes, threads: int, precision: Precision) ->
     )
     request = compiled.create_infer_request()
     count = len(compiled.outputs)
-    places = _places(one.get_any_name() for one in compiled.inputs)
 
     def run(arrays: Sequence[Array]) -> list[Array]:
         given = [arrays[place] for place in places]
