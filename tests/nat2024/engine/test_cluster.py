@@ -36,6 +36,8 @@ def client() -> Iterator[Any]:
 
     settings = {
         "distributed.scheduler.allowed-failures": 0,
+        # else a cluster gives a worker up that is away a while after it was killed, for good
+        "distributed.deploy.lost-worker-timeout": "1h",
     }
     with (
         dask.config.set(settings),
@@ -225,10 +227,46 @@ def test_a_longer_soak(client: Any, night_clip: Path, tmp_path: Path, small_plug
     run_benchmark(
         combine(["slow"], ["none", "clahe"]), nat2024.load_dataset(night_clip), tmp_path / "b"
     )
-    for seed in range(4):
+    for seed in range(12):
         results = tmp_path / str(seed)
         kill_cluster_workers(client, night_clip, results, small_plugins, times=2, seed=seed)
         assert box_files(results) == box_files(tmp_path / "b")
+
+
+@pytest.mark.slow
+def test_a_worker_that_a_local_cluster_gives_up_is_replaced(
+    night_clip: Path, tmp_path: Path, small_plugins: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import dask
+
+    made: list[Any] = []
+
+    class Watched(distributed.LocalCluster):  # type: ignore[misc, name-defined]
+        def __init__(self, **settings: Any) -> None:
+            super().__init__(**settings)
+            made.append(self)
+
+    def kill() -> None:
+        [worker] = made[0].workers.values()
+        os.kill(worker.pid, signal.SIGKILL)
+
+    def once(*_: object) -> None:
+        if not killed:
+            killed.append(kill())
+
+    killed: list[None] = []
+    monkeypatch.setattr(distributed, "LocalCluster", Watched)
+    with dask.config.set({"distributed.deploy.lost-worker-timeout": "50ms"}):
+        report = run_benchmark(
+            combine(["slow"], ["none"]),
+            nat2024.load_dataset(night_clip),
+            tmp_path,
+            cluster="local",
+            plugins=(small_plugins,),
+            progress=once,
+        )
+    assert killed
+    assert (report.tracked, report.failures) == (3, ())
 
 
 @pytest.mark.slow

@@ -5,10 +5,12 @@ import random
 import resource
 import shutil
 import signal
+import subprocess
+import sys
 import threading
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -113,31 +115,102 @@ def check_clean(results: Path) -> None:
         assert manifest.timing.frames == sum(LENGTHS)
 
 
-def kill_main(clip: Path, results: Path, whole: dict[str, bytes], *, times: int, seed: int) -> None:
+def kill_main(
+    clip: Path,
+    results: Path,
+    whole: dict[str, bytes],
+    *,
+    times: int,
+    seed: int,
+    longest: float = 0.35,
+    **how: Any,
+) -> None:
     """Kill the main process at random moments, from the start again where all is done."""
     moments = random.Random(seed)
-    killed = 0
+    killed = some = 0
     for _ in range(times):
         if box_files(results) == whole:
             check_whole(results)
             shutil.rmtree(results)
-        process = fork(lambda: work(clip, results))
-        time.sleep(moments.uniform(0, 0.35))
+        process = fork(lambda: work(clip, results, **how))
+        time.sleep(moments.uniform(0, longest))
         os.kill(process, signal.SIGKILL)
         killed += status_of(process) == -signal.SIGKILL
         there = box_files(results)
         assert there.items() <= whole.items()  # whole or absent
+        some += 0 < len(there) < len(whole)
+        check_nobody_left(process)
     assert killed > times // 3
-    work(clip, results)
+    assert some  # or nothing was ever cut off in its middle
+    work(clip, results, **how)
     check_whole(results)
     assert box_files(results) == whole
     check_clean(results)
+
+
+def check_nobody_left(session: int) -> None:
+    """Workers of a killed process end by themselves."""
+    deadline = time.monotonic() + 20
+    while (left := members(session)) and time.monotonic() < deadline:
+        time.sleep(0.02)
+    assert left == []
+
+
+def members(session: int) -> list[int]:
+    """Processes of a session that still run."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            fields = path.read_text().rpartition(")")[2].split()
+        except OSError:
+            continue
+        if int(fields[3]) == session and fields[0] != "Z":
+            found.append(int(path.parent.name))
+    return found
 
 
 def test_the_main_process_is_killed_again_and_again(
     clip: Path, tmp_path: Path, whole: dict[str, bytes]
 ) -> None:
     kill_main(clip, tmp_path, whole, times=24, seed=8)
+
+
+CLUSTER = """
+import sys, distributed
+if __name__ == "__main__":
+    cluster = distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, dashboard_address=":0", memory_limit=0
+    )
+    print(cluster.scheduler_address, flush=True)
+    sys.stdin.read()
+"""
+
+
+@pytest.fixture(scope="module")
+def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """The address of a cluster in processes of its own, so that this one has no loop to fork."""
+    pytest.importorskip("distributed")
+    script = tmp_path_factory.mktemp("cluster") / "cluster.py"
+    script.write_text(CLUSTER)
+    process = subprocess.Popen(
+        [sys.executable, str(script)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+    )
+    assert process.stdin is not None
+    assert process.stdout is not None
+    yield process.stdout.readline().strip()
+    process.stdin.close()
+    process.wait()
+    process.stdout.close()
+
+
+def test_the_main_process_is_killed_while_a_cluster_works(
+    clip: Path, tmp_path: Path, whole: dict[str, bytes], scheduler: str
+) -> None:
+    kill_main(clip, tmp_path, whole, times=12, seed=8, longest=0.9, cluster=scheduler)
 
 
 def kill_workers(
@@ -178,8 +251,12 @@ def test_workers_are_killed(clip: Path, tmp_path: Path, whole: dict[str, bytes])
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
-def test_a_longer_soak(clip: Path, tmp_path: Path, whole: dict[str, bytes], seed: int) -> None:
+def test_a_longer_soak(
+    clip: Path, tmp_path: Path, whole: dict[str, bytes], scheduler: str, seed: int
+) -> None:
     kill_main(clip, tmp_path / "main", whole, times=100, seed=seed)
+    kill_main(clip, tmp_path / "dask", whole, times=40, seed=seed, longest=0.9, cluster=scheduler)
+    kill_main(clip, tmp_path / "crew", whole, times=8, seed=seed, longest=6, workers=2)
     for number in range(6):  # four at most each: workers that never come to work are a fault
         kill_workers(clip, tmp_path / str(number), whole, times=4, seed=10 * seed + number)
 
