@@ -12,7 +12,6 @@ import hashlib
 import itertools
 import logging
 import platform
-import struct
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields
@@ -23,31 +22,27 @@ from typing import Any, Final
 import msgspec
 import numpy as np
 
-from nat2024.errors import BoxFileError, LengthMismatch
+from nat2024.errors import ArrayContract, BoxFileError, LengthMismatch
 from nat2024.keeping import Keeper, cache_folder, digest, trim
-from nat2024.metrics import SCORE_NAMES, FrameValues, Protocol, SequenceScores, evaluate_boxes
-from nat2024.metrics.scores import CURVE_LENGTHS
+from nat2024.metrics import FrameValues, Protocol, SequenceScores, evaluate_boxes
+from nat2024.metrics.batches import Aligned, aligned, measure_rows, pair_of, strict_success
+from nat2024.metrics.protocols import LengthRule, check_length_rule
+from nat2024.metrics.scores import ROW_LENGTH, scores_of_row
 from nat2024.store import Run
-from nat2024.types import Box, Boxes, Floats, Sequence
+from nat2024.types import Box, Boxes, Flags, Floats, Sequence
 
 FOLDER = "scores"
 MOST_BYTES = 2**28
 """Of all kept scores; beyond it go those that were not used for longest."""
 
+_COMPARED_WITH_STRICT: Final = "pysot"
 _MOST_UNUSED = 1000  # entries a file, of results that have changed or were not asked for
-_COUNTS: Final = (
-    "frames",
-    "rows",
-    "length_predicted",
-    "length_truth",
-    "invalid_truth",
-    "bad_results",
-)
-_HEAD: Final = len(_COUNTS) + len(SCORE_NAMES) + 4
-_ENDS: Final = [_HEAD, *(_HEAD + int(end) for end in np.cumsum(list(CURVE_LENGTHS.values())))]
+_MOST_ROWS = 2**13  # scored at once: fewer take more steps, more leave the processor's cache
 
-_SUCCESS: Final = struct.Struct("=d")
-_SUCCESS_AT: Final = 8 * (len(_COUNTS) + SCORE_NAMES.index("success_auc"))
+_FIRST_BOX: Final = slice(0, 4)
+_SCORES: Final = slice(4, 4 + ROW_LENGTH)
+_STRICT: Final = 4 + ROW_LENGTH
+_ENTRY_LENGTH: Final = _STRICT + 1
 
 _log = logging.getLogger("nat2024")
 
@@ -102,31 +97,35 @@ class Scorer:
         protocol: with its options.
         on_length: as in `evaluate`.
         cache: whether scores are kept, and taken from what was kept.
-        truths: digest of the ground truth by sequence, filled on the way; scorers of one dataset
-            may share it.
         has_new: whether something was computed that is now kept.
     """
 
     protocol: Protocol
     on_length: str | None
     cache: bool = True
-    truths: dict[str, str] = field(default_factory=dict)
     has_new: bool = False
-    _settings: dict[str, _Setting] = field(default_factory=dict)
+    rule: LengthRule | None = field(init=False)
+    _settings: dict[str, _Setting] = field(init=False, default_factory=dict)
     _rules: str = field(init=False)
 
     def __post_init__(self) -> None:
         """Digest the rules once: with most protocols they are those of all sequences."""
+        self.rule = check_length_rule(self.on_length)
         self._rules = self._digest(self.protocol)
+
+    @property
+    def is_compared(self) -> bool:
+        """Whether the success under the protocol `strict` is told too."""
+        return self.protocol.name == _COMPARED_WITH_STRICT
 
     def open(self, run: Run) -> "RunScorer":
         """What scores one run."""
         if not self.cache:
-            return RunScorer(self, Keeper(None, most_unused=0))
+            return RunScorer(self, run, Keeper(None, most_unused=0))
         place = str(run.path.absolute())
         name = digest(place, run.name, run.layout, _options(self.protocol), self.on_length)
         path = cache_folder() / FOLDER / f"{name}.msgpack"
-        return RunScorer(self, Keeper(path, most_unused=_MOST_UNUSED))
+        return RunScorer(self, run, Keeper(path, most_unused=_MOST_UNUSED))
 
     def setting(self, sequence: Sequence) -> _Setting:
         """How a sequence is scored."""
@@ -141,11 +140,8 @@ class Scorer:
         protocol = self.protocol.for_sequence(size)
         if not self.cache:
             return _Setting(protocol, b"")
-        truth = self.truths.get(sequence.name)
-        if truth is None:
-            truth = self.truths[sequence.name] = _truth(sequence)
         rules = self._rules if protocol is self.protocol else self._digest(protocol)
-        return _Setting(protocol, f"{rules} {truth} ".encode())
+        return _Setting(protocol, f"{rules} {_truth(sequence)} ".encode())
 
     def _digest(self, protocol: Protocol) -> str:
         return digest(computation(), _options(protocol), self.on_length)
@@ -173,47 +169,140 @@ def computation() -> str:
     return digest(*versions, platform.machine(), sys.byteorder, *texts)
 
 
+@dataclass(slots=True)
+class _Entry:
+    """One result: its numbers as bytes, or what they are yet to be computed of."""
+
+    sequence: Sequence
+    number: int
+    digest: bytes
+    path: Path
+    key: str | None
+    packed: bytes = b""
+    first: Box | None = None
+    waiting: Aligned | None = None
+
+
 @dataclass(frozen=True, slots=True)
+class Scored:
+    """What is told of one stored result.
+
+    Attributes:
+        scores: of it.
+        first: its first box.
+        strict: its `success_auc` under the protocol `strict`, NaN where that is not asked.
+    """
+
+    scores: SequenceScores
+    first: Box
+    strict: float
+
+
 class RunScorer:
-    """Scores the results of one run; `save` keeps what came new."""
+    """Scores the results of one run: `take` each, then `finish`.
 
-    scorer: Scorer
-    keeper: Keeper
+    Results that are not kept wait until there are some to be scored at once.
+    """
 
-    def score(self, result: StoredResult, sequence: Sequence) -> tuple[SequenceScores, Box]:
-        """Scores of a result, and its first box.
+    def __init__(self, scorer: Scorer, run: Run, keeper: Keeper) -> None:
+        """Begin a run."""
+        self._scorer = scorer
+        self._run = run
+        self._keeper = keeper
+        self._entries: list[_Entry] = []
+        self._waiting: list[_Entry] = []
+        self._rows = 0
+
+    def take(self, results: list[StoredResult], sequence: Sequence) -> None:
+        """Take all repeats of a sequence.
 
         Raises:
-            BoxFileError: the file holds no boxes.
+            BoxFileError: a file holds no boxes.
             LengthMismatch: lengths differ and may not.
+            ArrayContract: rows of a result taken before that the protocol's toolkit refuses.
         """
-        setting, on_length = self.scorer.setting(sequence), self.scorer.on_length
-        again = _Again(result.run, result.number, result.digest, sequence, setting, on_length)
-        return _unpack(self._packed(result, sequence), str(result.path), setting.protocol, again)
+        setting = self._scorer.setting(sequence)
+        found = [self._entry(result, sequence, setting) for result in results]
+        self._entries += found
+        for entry in found:
+            if entry.waiting is not None:
+                self._waiting.append(entry)
+                self._rows += len(entry.waiting.truth)
+        if self._rows >= _MOST_ROWS:
+            self._score_waiting()
 
-    def success(self, result: StoredResult, sequence: Sequence) -> float:
-        """The success AUC alone; see `score`."""
-        return float(_SUCCESS.unpack_from(self._packed(result, sequence), _SUCCESS_AT)[0])
-
-    def _packed(self, result: StoredResult, sequence: Sequence) -> bytes:
-        setting, key = self.scorer.setting(sequence), None
-        if self.scorer.cache:
+    def _entry(self, result: StoredResult, sequence: Sequence, setting: _Setting) -> _Entry:
+        key = None
+        if self._scorer.cache:
             identity = setting.identity + result.run.layout.encode() + result.digest
             key = hashlib.sha256(identity).hexdigest()
-            kept = self.keeper.get(key, bytes)
-            if kept is not None and len(kept) == 8 * _ENDS[-1]:
-                return kept
-        scores = _score(result, sequence, setting.protocol, self.scorer.on_length)
-        raw = _pack(scores, result.boxes[0])
-        self.keeper.put(key, raw)
-        self.scorer.has_new |= key is not None
-        return raw
+        entry = _Entry(sequence, result.number, result.digest, result.path, key)
+        kept = self._keeper.get(key, bytes)
+        if kept is not None and len(kept) == 8 * _ENTRY_LENGTH:
+            entry.packed = kept
+        else:
+            entry.waiting = _aligned(result, sequence, setting.protocol, self._scorer.rule)
+            entry.first = result.boxes[0]
+        return entry
 
-    def save(self) -> None:
-        """Keep what came new, where that can be."""
-        error = self.keeper.save()
+    def _score_waiting(self) -> None:
+        """Score those that wait, all of one protocol at once."""
+        for _, group in itertools.groupby(self._waiting, self._alike):
+            entries = list(group)
+            protocol = self._scorer.setting(entries[0].sequence).protocol
+            for entry, row in zip(entries, self._measured(entries, protocol), strict=True):
+                entry.packed = row.tobytes()
+                entry.first = entry.waiting = None
+                self._keeper.put(entry.key, entry.packed)
+                self._scorer.has_new |= entry.key is not None
+        self._waiting, self._rows = [], 0
+
+    def _alike(self, entry: _Entry) -> tuple[Protocol, bool]:
+        assert entry.waiting is not None
+        return self._scorer.setting(entry.sequence).protocol, entry.waiting.visible is None
+
+    def _measured(self, entries: list[_Entry], protocol: Protocol) -> Floats:
+        """The numbers of each entry, float64 (s, `_ENTRY_LENGTH`)."""
+        given = [entry.waiting for entry in entries if entry.waiting is not None]
+        found = np.full((len(given), _ENTRY_LENGTH), np.nan)
+        found[:, _FIRST_BOX] = [entry.first for entry in entries]
+        try:
+            with np.errstate(all="ignore"):
+                pair = pair_of(given, protocol)
+                if self._scorer.is_compared:
+                    found[:, _STRICT] = strict_success(pair)
+                found[:, _SCORES], _ = measure_rows(given, pair)
+        except ArrayContract as error:
+            for entry in entries if len(entries) > 1 else ():
+                self._measured([entry], protocol)  # the first that is refused is named
+            msg = f"{entries[0].path}: {error}"
+            raise ArrayContract(msg) from None
+        return found
+
+    def finish(self) -> Iterator[tuple[str, list[Scored]]]:
+        """Name of each sequence and its repeats, in the order in which they were taken.
+
+        What came new is kept, where that can be.
+        """
+        self._score_waiting()
+        error = self._keeper.save()
         if error is not None:
             _log.debug("scores are not kept: %s", error)
+        if not self._entries:
+            return
+        # one table of a run needs less memory than its rows
+        table = np.frombuffer(b"".join(entry.packed for entry in self._entries))
+        pairs = zip(self._entries, table.reshape(-1, _ENTRY_LENGTH), strict=True)
+        for name, group in itertools.groupby(pairs, lambda pair: pair[0].sequence.name):
+            yield name, [self._scored(entry, row) for entry, row in group]
+
+    def _scored(self, entry: _Entry, row: Floats) -> Scored:
+        setting, rule = self._scorer.setting(entry.sequence), self._scorer.on_length
+        again = _Again(self._run, entry.number, entry.digest, entry.sequence, setting, rule)
+        scores = scores_of_row(
+            row[_SCORES], name=str(entry.path), protocol=setting.protocol, by_frame=again
+        )
+        return Scored(scores, row[_FIRST_BOX], float(row[_STRICT]))
 
 
 def trim_kept() -> None:
@@ -245,17 +334,7 @@ def _score(
     result: StoredResult, sequence: Sequence, protocol: Protocol, on_length: str | None
 ) -> SequenceScores:
     """Score a result on the frames that have ground truth."""
-    predicted, truth, visible = result.boxes, sequence.boxes, sequence.visible
-    if sequence.keyframes is not None:
-        rows = sequence.keyframes
-        if len(predicted) != len(sequence):
-            msg = (
-                f"{result.path}: {len(predicted)} rows, but the sequence has {len(sequence)} "
-                "frames, and boxes on some of them only"
-            )
-            raise LengthMismatch(msg)
-        predicted, truth = predicted[rows], truth[rows]
-        visible = None if visible is None else visible[rows]
+    predicted, truth, visible = _on_keyframes(result, sequence)
     return evaluate_boxes(
         predicted,
         truth,
@@ -266,24 +345,27 @@ def _score(
     )
 
 
-def _pack(scores: SequenceScores, first: Box) -> bytes:
-    """All numbers but those of the frames, bit for bit."""
-    head = [getattr(scores, name) for name in (*_COUNTS, *SCORE_NAMES)]
-    curves = [getattr(scores, name) for name in CURVE_LENGTHS]
-    return np.concatenate([np.array([*head, *first.tolist()]), *curves]).tobytes()
+def _aligned(
+    result: StoredResult, sequence: Sequence, protocol: Protocol, rule: LengthRule | None
+) -> Aligned:
+    predicted, truth, visible = _on_keyframes(result, sequence)
+    try:
+        return aligned(predicted, truth, visible, protocol, rule)
+    except (ArrayContract, LengthMismatch) as error:
+        msg = f"{result.path}: {error}"
+        raise type(error)(msg) from None
 
 
-def _unpack(raw: bytes, name: str, protocol: Protocol, again: _Again) -> tuple[SequenceScores, Box]:
-    values = np.frombuffer(raw, dtype=np.float64)
-    head = iter(values[: _HEAD - 4].tolist())
-    counts: dict[str, Any] = {one: int(next(head)) for one in _COUNTS}
-    scalars: dict[str, Any] = dict(zip(SCORE_NAMES, head, strict=True))
-    curves: dict[str, Any] = dict(zip(CURVE_LENGTHS, _parts(values), strict=True))
-    scores = SequenceScores(
-        name=name, protocol=protocol, by_frame=again, **counts, **scalars, **curves
-    )
-    return scores, values[_HEAD - 4 : _HEAD]
-
-
-def _parts(values: Floats) -> Iterator[Floats]:
-    return (values[start:end] for start, end in itertools.pairwise(_ENDS))
+def _on_keyframes(result: StoredResult, sequence: Sequence) -> tuple[Boxes, Boxes, Flags | None]:
+    """Result, ground truth and flags on the frames that have ground truth."""
+    predicted, truth, visible = result.boxes, sequence.boxes, sequence.visible
+    if sequence.keyframes is None:
+        return predicted, truth, visible
+    rows = sequence.keyframes
+    if len(predicted) != len(sequence):
+        msg = (
+            f"{result.path}: {len(predicted)} rows, but the sequence has {len(sequence)} "
+            "frames, and boxes on some of them only"
+        )
+        raise LengthMismatch(msg)
+    return predicted[rows], truth[rows], None if visible is None else visible[rows]

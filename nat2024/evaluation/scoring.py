@@ -1,24 +1,21 @@
 """From files to scores: every run of a folder against its dataset."""
 
 import logging
-from collections.abc import Callable, Collection
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterable
 from pathlib import Path
 
 import numpy as np
 
 from nat2024.datasets import list_datasets, load_again, load_dataset
-from nat2024.errors import BoxFileError, DatasetNotFound, LengthMismatch
+from nat2024.errors import BoxFileError, DatasetNotFound, LengthMismatch, NatBenchError
 from nat2024.evaluation.foreign import ScoredRepeats, foreign_notes, runs_of
-from nat2024.evaluation.scorers import RunScorer, Scorer, StoredResult, results_of, trim_kept
+from nat2024.evaluation.scorers import Scorer, results_of, trim_kept
 from nat2024.evaluation.tables import Evaluation, RunScores
 from nat2024.importing import names_dataset
 from nat2024.metrics import Protocol, average_repeats, get_protocol
 from nat2024.metrics.datasets import mean_success
 from nat2024.store import Run, dataset_folder, list_runs
 from nat2024.types import Dataset, Origin, Sequence
-
-_COMPARED_WITH_STRICT = "pysot"
 
 _log = logging.getLogger("nat2024")
 
@@ -58,13 +55,14 @@ def evaluate(
     """
     chosen = get_protocol(protocol)
     folder = dataset_folder(results, dataset.name)
-    scoring = _Scoring.under(chosen, on_length, dataset, skip=skip_faulty, cache=cache)
+    scorer = Scorer(chosen, on_length, cache)
     found = [
-        _score_run(run, scoring)
+        _score_run(run, dataset, scorer, skip_faulty=skip_faulty)
         for run in runs_of(list_runs(folder), dataset.name)
         if runs is None or run.name in runs
     ]
-    scoring.finish()
+    if scorer.has_new:  # what is kept must not grow for ever
+        trim_kept()
     scored = tuple(scores for scores in found if scores.sequences)
     empty = [_why_empty(scores) for scores in found if not scores.sequences]
     if not scored:
@@ -133,41 +131,20 @@ def _dataset_named(folder: Path, *, lenient: bool) -> Dataset:
     return load_dataset(name, unannotated=True, lenient=lenient)
 
 
-@dataclass(frozen=True, slots=True)
-class _Scoring:
-    """What holds for all runs of one call; `strict` is None where it is not compared with."""
-
-    dataset: Dataset
-    main: Scorer
-    strict: Scorer | None
-    skip_faulty: bool
-
-    @classmethod
-    def under(
-        cls, protocol: Protocol, on_length: str | None, dataset: Dataset, *, skip: bool, cache: bool
-    ) -> "_Scoring":
-        main, strict = Scorer(protocol, on_length, cache), None
-        if protocol.name == _COMPARED_WITH_STRICT:
-            strict = Scorer(get_protocol("strict"), on_length, cache, main.truths)
-        return cls(dataset, main, strict, skip)
-
-    def finish(self) -> None:
-        """See that what is kept does not grow for ever."""
-        if self.main.has_new or (self.strict and self.strict.has_new):
-            trim_kept()
-
-
-def _score_run(run: Run, scoring: _Scoring) -> RunScores:
-    manifest, dataset = run.manifest(), scoring.dataset
+def _score_run(run: Run, dataset: Dataset, scorer: Scorer, *, skip_faulty: bool) -> RunScores:
+    manifest = run.manifest()
     tracker = run.tracker
     if manifest and manifest.tracker.title == tracker:
         tracker = manifest.tracker.shown
     finished = set(run.finished())
-    scored = _score_sequences(run, scoring, finished, is_own=manifest is not None)
+    skipped: tuple[type[NatBenchError], ...] = ()
+    if manifest is None:
+        skipped = (BoxFileError, LengthMismatch) if skip_faulty else (BoxFileError,)
+    chosen = [s for s in dataset if s.name in finished and len(s.boxes)]
+    scored = _score_sequences(run, chosen, scorer, skipped)
     scores = {name: average_repeats(each) for name, each in scored.repeats.items()}
     starts = manifest.starts if manifest else {}
     unread = manifest.skipped_frames if manifest else {}
-    protocol = scoring.main.protocol
     return RunScores(
         run=run.name,
         tracker=tracker,
@@ -179,43 +156,27 @@ def _score_run(run: Run, scoring: _Scoring) -> RunScores:
         skipped={name: frames for name, frames in unread.items() if name in scores},
         strict_success=mean_success(scored.strict),
         manifest=manifest,
-        foreign=None if manifest else foreign_notes(run, dataset, scored, protocol),
+        foreign=None if manifest else foreign_notes(run, dataset, scored, scorer.protocol),
     )
 
 
 def _score_sequences(
-    run: Run, scoring: _Scoring, finished: Collection[str], *, is_own: bool
+    run: Run,
+    sequences: Iterable[Sequence],
+    scorer: Scorer,
+    skipped: tuple[type[NatBenchError], ...],
 ) -> ScoredRepeats:
-    """Score all repeats of all sequences of a run."""
-    skipped = (BoxFileError, LengthMismatch) if scoring.skip_faulty else BoxFileError
-    main = scoring.main.open(run)
-    strict = scoring.strict.open(run) if scoring.strict else None
-    scored = ScoredRepeats()
-    for sequence in scoring.dataset:
-        if sequence.name in finished and len(sequence.boxes):
-            try:
-                _score_sequence(results_of(run, sequence.name), sequence, main, strict, scored)
-            except skipped as error:
-                if is_own:
-                    raise
-                scored.unreadable[sequence.name] = str(error)
-    for scorer in (main, strict):
-        if scorer:
-            scorer.save()
-    return scored
-
-
-def _score_sequence(
-    results: list[StoredResult],
-    sequence: Sequence,
-    main: RunScorer,
-    strict: RunScorer | None,
-    scored: ScoredRepeats,
-) -> None:
-    """Score all repeats of a sequence into `scored`."""
-    repeats = [main.score(result, sequence) for result in results]
-    if strict:
-        each = [strict.success(result, sequence) for result in results]
-        scored.strict.append(each[0] if len(each) == 1 else float(np.mean(each)))
-    scored.first_rows[sequence.name] = repeats[0][1]
-    scored.repeats[sequence.name] = [scores for scores, _ in repeats]
+    """Score all repeats of sequences of a run, without those that raise one of these errors."""
+    opened, found = scorer.open(run), ScoredRepeats()
+    for sequence in sequences:
+        try:
+            opened.take(results_of(run, sequence.name), sequence)
+        except skipped as error:
+            found.unreadable[sequence.name] = str(error)
+    for name, repeats in opened.finish():
+        each = [one.strict for one in repeats]
+        if scorer.is_compared:
+            found.strict.append(each[0] if len(each) == 1 else float(np.mean(each)))
+        found.first_rows[name] = repeats[0].first
+        found.repeats[name] = [one.scores for one in repeats]
+    return found

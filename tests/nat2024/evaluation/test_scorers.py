@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import nat2024
-from nat2024.errors import BoxFileError, LengthMismatch
+from nat2024.errors import ArrayContract, BoxFileError, LengthMismatch
 from nat2024.evaluation import Evaluation, scorers
 from nat2024.metrics import SCORE_NAMES, FrameValues, Protocol, list_protocols
 from nat2024.metrics.scores import CURVE_LENGTHS
@@ -79,15 +79,15 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.fixture
 def computed(monkeypatch: pytest.MonkeyPatch) -> Iterator[Counter[str]]:
-    """How often each result was really scored, by protocol and path."""
+    """How many results were really scored, by protocol."""
     found: Counter[str] = Counter()
-    really = scorers.evaluate_boxes
+    really = scorers.measure_rows
 
-    def counted(*args: Any, **options: Any) -> Any:
-        found[options["protocol"].name] += 1
-        return really(*args, **options)
+    def counted(given: Any, pair: Any) -> Any:
+        found[pair.protocol.name] += len(given)
+        return really(given, pair)
 
-    monkeypatch.setattr(scorers, "evaluate_boxes", counted)
+    monkeypatch.setattr(scorers, "measure_rows", counted)
     return found
 
 
@@ -142,6 +142,37 @@ def test_equal_in_every_bit(
     assert without.runs[0].sequences["plain"].protocol == second.runs[0].sequences["plain"].protocol
 
 
+@pytest.mark.parametrize("rows", [1, 50, 10**9])
+@pytest.mark.parametrize("protocol", VARIANTS, ids=lambda one: one.title)
+def test_however_many_are_scored_at_once(
+    results: Path, dataset: Dataset, protocol: Protocol, rows: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(scorers, "_MOST_ROWS", rows)
+    found = nat2024.evaluate(results, dataset, protocol=protocol, cache=False)
+    for run in found.runs:
+        assert list(run.sequences) == ["flagged", "keyed", "plain"]
+        for name, scores in run.sequences.items():
+            sequence = dataset[name]
+            kept = slice(None) if sequence.keyframes is None else sequence.keyframes
+            direct = nat2024.evaluate_boxes(
+                nat2024.read_boxes(results / run.run / f"{name}.txt")[kept],
+                sequence.boxes[kept],
+                visible=None if sequence.visible is None else sequence.visible[kept],
+                protocol=scores.protocol,
+            )
+            for one in (*SCORE_NAMES, *CURVE_LENGTHS, *FRAME_NAMES):
+                np.testing.assert_array_equal(getattr(scores, one), getattr(direct, one))
+
+
+def test_what_is_refused_among_many_is_named(results: Path, dataset: Dataset) -> None:
+    file = results / "mil+gamma" / "keyed.txt"
+    boxes = nat2024.read_boxes(file)
+    boxes[5, 2] = -1
+    nat2024.write_boxes(file, boxes)
+    with pytest.raises(ArrayContract, match=r"gamma/keyed\.txt: predicted, row 2: NaN or negative"):
+        nat2024.evaluate(results, dataset, protocol="pytracking")
+
+
 def nan_row(boxes: np.ndarray) -> np.ndarray:
     changed = boxes.copy()
     changed[7] = np.nan
@@ -172,7 +203,7 @@ def test_another_truth_is_scored_anew(
     other = replace(dataset, sequences=changed)
     computed.clear()
     found = nat2024.evaluate(results, other)
-    assert computed == {"pysot": 2, "strict": 2}  # one sequence of two runs
+    assert computed == {"pysot": 2}  # one sequence of two runs
     assert bits(found) == bits(nat2024.evaluate(results, other, cache=False))
 
 
@@ -186,7 +217,7 @@ def test_another_result_is_scored_anew(
         nat2024.write_boxes(file, change(old))
         computed.clear()
         found = nat2024.evaluate(results, dataset)
-        assert computed == {"pysot": 1, "strict": 1}
+        assert computed == {"pysot": 1}
         assert bits(found) == bits(nat2024.evaluate(results, dataset, cache=False))
     computed.clear()
     nat2024.write_boxes(file, old)  # the one before is still known
@@ -206,10 +237,10 @@ def test_other_rules_and_other_code_are_scored_anew(
         nat2024.evaluate(results, dataset, **options)
         return computed.total()
 
-    assert count() == 12  # both protocols
+    assert count() == 6
     assert count() == 0
-    assert count(protocol="strict") == 0  # shared with the comparison
-    assert count(on_length="pad") == 12
+    assert count(protocol="strict") == 6
+    assert count(on_length="pad") == 6
     assert count(protocol=Protocol("got10k-ope")) == 6
     assert count(protocol=Protocol("got10k-ope", invalid_rule="none")) == 6
     assert count(protocol="got10k-ao") == 6
@@ -241,7 +272,7 @@ def test_damage_and_deletion_cost_time_only(
 ) -> None:
     wanted = bits(nat2024.evaluate(results, dataset))
     kept = sorted(cache.iterdir())
-    assert len(kept) == 4  # one a run and protocol
+    assert len(kept) == 2  # one a run
     raw = kept[0].read_bytes()
     for damaged in (b"", raw[:-5], raw[:99] + b"?" + raw[100:]):
         kept[0].write_bytes(damaged)
@@ -377,7 +408,7 @@ def test_work_grows_with_the_number_of_files_only(
         computed.clear()
         nat2024.evaluate(tmp_path / str(count), dataset)
         assert reads["files"] == count
-        assert computed.total() == 2 * count
+        assert computed.total() == count
 
 
 def test_old_scores_go_where_there_are_too_many(
