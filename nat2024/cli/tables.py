@@ -218,7 +218,8 @@ def _sequences(scored: Scored, wish: Wish) -> "list[Table]":
 
     evaluation = scored.evaluation
     metric = _metric(evaluation, wish)
-    return [sequences_table(evaluation.summary(), evaluation.per_sequence(), metric=metric)]
+    summary = wish.named(evaluation.summary())
+    return [sequences_table(summary, evaluation.per_sequence(), metric=metric)]
 
 
 def _protocols(scored: Scored, wish: Wish) -> "list[Table]":

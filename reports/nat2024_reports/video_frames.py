@@ -17,7 +17,9 @@ WIDEST = 1280
 
 _GROUND = (24, 24, 24)
 _MISSING = (70, 70, 70)
-_LETTER = 7  # pixels, about
+_LETTERS = 0.42  # of OpenCV's own size
+_LINE_ROOM = 48  # pixels of the legend before a name
+_OVERLAP_ROOM = 52  # pixels behind it
 _ROW = 24  # pixels of one line of the legend
 _LEAST_ENTRY = 236  # pixels of one entry of the legend
 _INSET = 0.34  # side of an inset over the height of its panel
@@ -52,10 +54,12 @@ def panel_size(frame_size: tuple[int, int], panels: int, widest: int = WIDEST) -
     return width, height
 
 
-def video_size(frame_size: tuple[int, int], panels: int, runs: int) -> tuple[int, int]:
+def video_size(
+    frame_size: tuple[int, int], panels: int, looks: Mapping[str, Look]
+) -> tuple[int, int]:
     """Width and height of the frames that `video_frame` makes, both even."""
     width, height = panel_size(frame_size, panels)
-    return panels * width, height + _legend_height(panels * width, runs)
+    return panels * width, height + _legend_height(panels * width, looks)
 
 
 def video_frame(
@@ -140,23 +144,40 @@ def _add_inset(
     panel[top : top + side, left : left + side] = inset
 
 
-def _legend_columns(width: int) -> int:
-    return max(1, width // _LEAST_ENTRY)
+def _legend_columns(width: int, looks: Mapping[str, Look]) -> int:
+    """As many as have room for the longest name."""
+    widest = max((_text_width(_ascii(look.label)) for look in looks.values()), default=0)
+    return max(1, width // max(_LEAST_ENTRY, _LINE_ROOM + widest + _OVERLAP_ROOM))
 
 
-def _legend_height(width: int, runs: int) -> int:
-    return _ROW * -(-(runs + 1) // _legend_columns(width)) + 8
+def _legend_height(width: int, looks: Mapping[str, Look]) -> int:
+    return _ROW * -(-(len(looks) + 1) // _legend_columns(width, looks)) + 8
+
+
+def _text_width(text: str) -> int:
+    import cv2
+
+    (width, _), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, _LETTERS, 1)
+    return int(width)
+
+
+def _fitting(label: str, room: int) -> str:
+    """A name of the legend, its middle left out where even one column is too narrow for it."""
+    length = len(label)
+    while length > 3 and _text_width(_ascii(shortened(label, length))) > room:
+        length -= 1
+    return _ascii(shortened(label, length))
 
 
 def _legend(scene: Scene, looks: Mapping[str, Look], width: int) -> Image:
     import cv2
 
-    legend = np.full((_legend_height(width, len(looks)), width, 3), _GROUND, dtype=np.uint8)
-    columns = _legend_columns(width)
+    legend = np.full((_legend_height(width, looks), width, 3), _GROUND, dtype=np.uint8)
+    columns = _legend_columns(width, looks)
     entries: list[tuple[str, Color, bool]] = [("Ground truth", WHITE, False)]
-    letters = (width // columns - 90) // _LETTER
+    room = width // columns - _LINE_ROOM - _OVERLAP_ROOM
     for run, look in looks.items():
-        text = f"{_ascii(shortened(look.label, letters))}{_told(scene, run)}"
+        text = f"{_fitting(look.label, room)}{_told(scene, run)}"
         entries.append((text, bgr(look.color), look.is_dashed))
     for number, (text, color, is_dashed) in enumerate(entries):
         row, column = divmod(number, columns)
@@ -169,7 +190,7 @@ def _legend(scene: Scene, looks: Mapping[str, Look], width: int) -> Image:
             text,
             (left + 38, middle + 5),
             cv2.FONT_HERSHEY_SIMPLEX,
-            0.42,
+            _LETTERS,
             WHITE,
             1,
             cv2.LINE_AA,

@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 
 from nat2024_reports.figures.looks import Look
 from nat2024_reports.overlays import DrawnBox, bgr, draw_boxes, draw_into
@@ -48,13 +49,28 @@ def test_video_frames_have_one_even_size() -> None:
     for panels in ({"": grey()}, {"original": grey(), "LDEnhancer": None}):
         scene = Scene(7, panels, box, {"t": box + 3, "t+e": None}, {"t": 0.5, "t+e": np.nan})
         frame = video_frame(scene, LOOKS, (160, 90))
-        width, height = video_size((160, 90), len(panels), len(LOOKS))
+        width, height = video_size((160, 90), len(panels), LOOKS)
         assert frame.shape == (height, width, 3)
         assert (width % 2, height % 2) == (0, 0)
     blind = video_frame(Scene(0, {"": grey()}), LOOKS, (160, 90), inset=False)
     assert blind.shape[1] == 160
     assert panel_size((1921, 1081), 2) == (640, 360)
     assert panel_size((161, 91), 1) == (160, 90)
+
+
+def test_long_names_in_the_legend_get_wider_columns_before_they_are_cut() -> None:
+    def bright_beyond(label: str, width: int) -> tuple[int, int]:
+        """Height of the legend, and where its writing ends in the row of the last run."""
+        looks = {str(n): Look(label, "#0072B2", False, "", "o") for n in range(2)}
+        scene = Scene(0, {"": grey(90, width)}, overlaps=dict.fromkeys(looks, 0.53))
+        legend = video_frame(scene, looks, (width, 90), inset=False)[90:]
+        return legend.shape[0], int(np.flatnonzero(legend.max(axis=(0, 2)) > 100)[-1])
+
+    long = "SiamRPN++ (compact) + EnlightenGAN@fine"
+    assert bright_beyond("KCF", 720)[0] < bright_beyond(long, 720)[0]
+    height, end = bright_beyond(long, 400)
+    assert end < bright_beyond(long + "_tuned", 400)[1]  # both are written in full
+    assert bright_beyond(long + 20 * "_tuned", 400) == (height, pytest.approx(380, abs=20))
 
 
 def test_an_inset_magnifies_a_small_target() -> None:

@@ -13,6 +13,7 @@ from nat2024_reports.layouts.scores import (
     check_one,
     doubts,
     facts,
+    for_programs,
     gain_cells,
     gain_columns,
     gain_of,
@@ -59,10 +60,13 @@ def groups_table(
     columns = [Column(heading, is_words=True) for heading in ("Tracker", "Enhancer")]
     columns.append(Column(f"all ({summary.sequences.max()})", "all"))
     found = _gains(gains, by, metric)
+    intervals = intervals and bool(found)
     for group in groups:
         mark = _COMPUTED if group in computed else ""
         columns.append(Column(f"{group}{mark} ({sizes[group]})", group, part=group))
-        columns += _only_shown(gain_columns(group, intervals=intervals), intervals)
+        beside = gain_columns(group, intervals=intervals)
+        # gains of groups are for those who ask for intervals, and for programs
+        columns += beside if intervals else for_programs(beside)
     values = {(r["run"], str(r[by])): r for r in scores.to_dict(orient="records")}
     body = _body(summary, groups, values, found, metric, intervals=intervals)
     shown = next(one.heading for one in SCORES if one.name == metric)
@@ -87,13 +91,6 @@ def _gains(gains: "pd.DataFrame | None", by: str, metric: str) -> dict[tuple[str
         return {}
     rows = gains[gains.metric == metric].to_dict(orient="records")
     return {(row["run"], str(row[by])): gain_of(row) for row in rows}
-
-
-def _only_shown(columns: list[Column], intervals: bool) -> list[Column]:
-    """Gains of groups are for those who ask for intervals, and for programs."""
-    if intervals:
-        return columns
-    return [Column(one.heading, one.name, part=one.part, where="file") for one in columns]
 
 
 def _body(

@@ -15,6 +15,7 @@ from nat2024_reports.layouts.scores import (
     defined_scores,
     doubts,
     facts,
+    for_programs,
     gain_cells,
     gain_columns,
     gains_by_run,
@@ -45,6 +46,7 @@ def overall_table(
     check_one(summary, "dataset", "protocol")
     scores = defined_scores(summary)
     found = gains_by_run(summary, gains)
+    intervals = intervals and bool(found)
     columns = [Column(heading, is_words=True) for heading in ("Tracker", "Enhancer")]
     # one scope of all is said once, in the caption
     several = len(set(summary.scope[summary.enhancer != PLAIN])) > 1
@@ -52,7 +54,8 @@ def overall_table(
     for one in scores:
         columns.append(Column(one.heading, part=one.heading))
         if one.gain:
-            columns += gain_columns(one.heading, intervals=intervals)
+            beside = gain_columns(one.heading, intervals=intervals)
+            columns += beside if found else for_programs(beside)
     groups = [_rows(group, scores, found, intervals=intervals) for group in in_order(summary)]
     return Table(
         caption(summary) + scope_of(summary),

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from nat2024_reports.gains import relative_gain
@@ -127,6 +127,11 @@ def gain_columns(name: str, *, intervals: bool, heading: str = "gain %") -> list
         Column("", f"{name} gain low %", where="file"),
         Column("", f"{name} gain high %", where="file"),
     ]
+
+
+def for_programs(columns: Iterable[Column]) -> list[Column]:
+    """The same columns, but only in files, whose columns do not depend on what runs there are."""
+    return [replace(one, where="file") for one in columns]
 
 
 def gain_cells(gain: Gain, *, intervals: bool, rank: int = 0) -> list[Cell]:

@@ -2,9 +2,19 @@
 
 import math
 import re
-from typing import TYPE_CHECKING
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
-from nat2024_reports.layouts.scores import SCORES, caption, check_one, facts, in_order
+from nat2024_reports.layouts.scores import (
+    PLAIN,
+    SCORES,
+    UNKNOWN_SCOPE,
+    caption,
+    check_one,
+    facts,
+    in_order,
+)
 from nat2024_reports.tables import Column, Row, Table, number, ranks, score, words
 
 if TYPE_CHECKING:
@@ -43,9 +53,10 @@ def sequences_table(
     ]
     mean = row("mean", float(summary.frames.max()), [float(run[metric]) for run in runs])
     columns = [Column("Sequence", is_words=True), Column("Frames")]
-    columns += [Column(str(run["run"]).replace("+", " +"), str(run["run"])) for run in runs]
+    headings = _headings(runs)
+    columns += [Column(headings[run["run"]], str(run["run"])) for run in runs]
     shown = next(one.heading for one in SCORES if one.name == metric)
-    lacking = sorted({r["run"] for r in runs if (r["sequences"] < len(frames))})
+    lacking = sorted({headings[r["run"]] for r in runs if r["sequences"] < len(frames)})
     notes = [f"- no result; the mean of {', '.join(lacking)} is over fewer sequences"]
     return Table(
         f"{shown} on {caption(summary)}",
@@ -54,6 +65,23 @@ def sequences_table(
         tuple(notes if lacking else ()),
         facts(summary),
     )
+
+
+def _headings(runs: Sequence[Mapping[Any, Any]]) -> dict[str, str]:
+    """Tracker and enhancer by run, the scope where two would be alike, else the run's own name."""
+
+    def heading(run: Mapping[Any, Any], *, scope: bool) -> str:
+        parts = [run["tracker"]] if run["enhancer"] == PLAIN else [run["tracker"], run["enhancer"]]
+        return " +".join(map(str, parts)) + (f" ({run['scope'] or UNKNOWN_SCOPE})" if scope else "")
+
+    found = {run["run"]: heading(run, scope=False) for run in runs}
+    for scope in (True, False):
+        count = Counter(found.values())
+        for run in runs:
+            if count[found[run["run"]]] > 1:
+                own = heading(run, scope=True) if scope else str(run["run"]).replace("+", " +")
+                found[run["run"]] = own
+    return found
 
 
 def _natural(name: str) -> tuple[list[str | int], str]:

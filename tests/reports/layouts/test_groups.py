@@ -48,6 +48,13 @@ def test_categories_and_other_scores(summary: Any) -> None:
     assert not table.footnotes
 
 
+def test_intervals_are_shown_only_where_there_are_gains(summary: Any) -> None:
+    rows = scores(("a", "IV", 4, 0.4, "published"))
+    table = groups_table(summary(RUNS[:1]), rows, "attribute", intervals=True)
+    assert table.for_page().headings == ("Tracker", "Enhancer", "all (135)", "IV (4)")
+    assert {len(row) for row in table.rows} == {len(table.columns)}
+
+
 def test_intervals_of_groups(summary: Any, gains: Any) -> None:
     rows = scores(("a", "IV", 4, 0.4, "published"), ("a+g", "IV", 4, 0.5, "published"))
     found = gains([("a+g", 25.0, -1.0, 40.0, False)], attribute="IV", sequences=4)

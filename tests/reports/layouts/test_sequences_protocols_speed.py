@@ -27,7 +27,31 @@ def test_sequences(summary: Any) -> None:
         ["mean", "30", "0.500", "0.600"],
     ]
     assert [[cell.rank for cell in row[2:]] for row in table.rows] == [[2, 1], [1, 0], [2, 1]]
-    assert table.footnotes == ("- no result; the mean of a+g is over fewer sequences",)
+    assert table.footnotes == ("- no result; the mean of a +g is over fewer sequences",)
+
+
+def test_sequences_below_the_names_of_methods(summary: Any) -> None:
+    rows = [
+        ("a@x", "A@x", "none", "", 0.5, 0.6),
+        ("a@x+g", "A@x", "G (v)", "patch", 0.5, 0.6),
+        ("a@x+h(frame)", "A@x", "H", "frame", 0.5, 0.6),
+        ("a@x+h", "A@x", "H", "patch", 0.5, 0.6),
+        ("b_1", "B", "none", "", 0.5, 0.6),
+        ("b_2", "B", "none", "", 0.5, 0.6),
+    ]
+    scores = pd.DataFrame(
+        [(run, "s", 20, 0.4) for run, *_ in rows],
+        columns=["run", "sequence", "frames", "success_auc"],
+    )
+    columns = sequences_table(summary(rows), scores).columns[2:]
+    assert {column.name: column.heading for column in columns} == {
+        "a@x": "A@x",
+        "a@x+g": "A@x +G (v)",
+        "a@x+h(frame)": "A@x +H (frame)",
+        "a@x+h": "A@x +H (patch)",
+        "b_1": "b_1",
+        "b_2": "b_2",
+    }
 
 
 def test_protocols(summary: Any) -> None:

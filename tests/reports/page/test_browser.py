@@ -126,6 +126,13 @@ def test_loads_with_every_part_and_asks_nobody(page: Tab) -> None:
     page.said.clear()  # the browser tells that the policy has stopped it
 
 
+def test_fields_of_the_controls_stand_in_one_row(page: Tab) -> None:
+    fields = page.open().locator(".controls label").locator("select, input")
+    boxes = [field.bounding_box() for field in fields.all()]
+    assert len(boxes) > 3
+    assert len({(box["y"], box["height"]) for box in boxes}) == 1
+
+
 def test_sorting_by_click_and_back(page: Tab) -> None:
     tab = page.open()
     assert page.column("scores", 4)[0] == "0.300"

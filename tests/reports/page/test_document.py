@@ -13,11 +13,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from nat2024_reports.figures.looks import NamedRun, views_of
 from nat2024_reports.page import DatasetPart, Page, Run, Thumbnail, build_page
 from nat2024_reports.page import payload as payload_module
 from nat2024_reports.page.document import SCRIPTS, STYLES
 from nat2024_reports.page.payload import page_payload, series_points
-from nat2024_reports.page.styles import run_styles
+from nat2024_reports.page.styles import INK, run_styles
+from nat2024_reports.style import BLACK, COLOURS
 
 HOSTILE = (
     "<script>alert(1)</script>",
@@ -221,7 +223,26 @@ def test_one_colour_a_tracker_dashed_without_an_enhancer() -> None:
 
 def test_a_single_tracker_has_one_colour_an_enhancer() -> None:
     styles = run_styles([Run("a", "a"), Run("a+c", "a", "c"), Run("a+d", "a", "d")])
-    assert [(style.color, style.dash) for style in styles] == [(0, 1), (1, 0), (2, 0)]
+    assert [(style.color, style.dash) for style in styles] == [(INK, 1), (0, 0), (1, 0)]
+    with_one = run_styles([Run("a", "a"), Run("a+c", "a", "c")])
+    assert [(style.color, style.dash) for style in with_one] == [(0, 1), (0, 0)]
+    many = run_styles([Run("a", "a"), *(Run(f"a+{n}", "a", str(n)) for n in range(20))])
+    assert len(set(many)) == 21
+
+
+@pytest.mark.parametrize("enhancers", [(), ("c",), ("c", "d", "e")])
+@pytest.mark.parametrize("trackers", ["a", "abc"])
+def test_colours_are_those_of_the_figures(trackers: str, enhancers: tuple[str, ...]) -> None:
+    runs = [Run(f"{t}{e}", t, e) for t in trackers for e in ("none", *enhancers)]
+    named = [NamedRun(run.name, run.tracker, run.enhancer) for run in runs]
+    drawn = views_of(named)[0].looks if len(trackers) == 1 or len(enhancers) < 2 else {}
+    colors = {INK: BLACK, **dict(enumerate(COLOURS))}
+    for run, style in zip(runs, run_styles(runs), strict=True):
+        look = drawn.get(run.name)
+        assert look is None or (colors[style.color], style.dash == 1) == (
+            look.color,
+            look.is_dashed,
+        )
 
 
 def test_plain_trackers_alone_are_solid() -> None:
