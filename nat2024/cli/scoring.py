@@ -88,7 +88,8 @@ def score(wanted: Scoring, *, computed_attributes: bool = False) -> "list[Evalua
 def score_with_datasets(wanted: Scoring, *, computed_attributes: bool = False) -> list[Scored]:
     """Evaluate one dataset, or all that a results folder holds where none is named.
 
-    With `computed_attributes` sequences carry those too, beside published ones.
+    Sequences whose frames are absent are scored too, since only boxes are needed; a line says so.
+    With `computed_attributes`, which are measured on frames, sequences carry those too.
 
     Raises:
         DatasetNotFound: no results, or no way to tell where their dataset is.
@@ -106,7 +107,13 @@ def score_with_datasets(wanted: Scoring, *, computed_attributes: bool = False) -
 
     results = check_results(wanted.results)
     if wanted.dataset is not None:
-        loaded = load_dataset(wanted.dataset, wanted.root, unannotated=True, lenient=wanted.lenient)
+        loaded = load_dataset(
+            wanted.dataset,
+            wanted.root,
+            unannotated=True,
+            frameless=True,
+            lenient=wanted.lenient,
+        )
         return [scored(results, loaded)]
     folders = [results] if list_runs(results) else list_datasets(results)
     if not folders:
@@ -115,7 +122,8 @@ def score_with_datasets(wanted: Scoring, *, computed_attributes: bool = False) -
     all_scored, problems = [], []
     for folder in folders:
         try:  # one dataset that has moved must not hide the scores of the others
-            all_scored.append(scored(folder, dataset_of_runs(folder, lenient=wanted.lenient)))
+            dataset = dataset_of_runs(folder, lenient=wanted.lenient, frameless=True)
+            all_scored.append(scored(folder, dataset))
         except NatBenchError as error:
             problems.append(error)
     if not all_scored:

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from pathlib import Path
 
+from nat2024.datasets.frameless import AbsentFrames
 from nat2024.datasets.frames import same_number
 from nat2024.datasets.layouts import FoundSequence
 from nat2024.errors import DatasetIncomplete
@@ -23,7 +24,7 @@ def check_files(found: FoundSequence, root: Path) -> None:
         DatasetIncomplete: there are no frames, a file is a link that leads out, or two images have
             one number; names them.
     """
-    if not found.frames:
+    if not found.frames and not isinstance(found.frames, AbsentFrames):
         msg = f"{found.name}: no images in {found.frames.folder}"
         raise DatasetIncomplete(msg)
     for path in _links(found):

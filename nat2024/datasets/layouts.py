@@ -33,11 +33,11 @@ TRAINING_CLIPS = "train_clip"
 _FRAMES = ("data_seq", "sequences", TRAINING_CLIPS)
 _BOXES = ("anno_revise", "anno", "annotation", "annotations")
 _KEYFRAMES = ("anno_keyframes",)
-_ATTRIBUTES = ("att", "attr", "attributes")
+ATTRIBUTE_FOLDERS = ("att", "attr", "attributes")
 _INNER_FRAMES = ("img", "imgs", "image", "images", "frames", "color")
 _BOX_FILES = ("groundtruth_rect.txt", "groundtruth.txt", "anno.txt", "gt.txt")
 _NO_BOX_FILES = frozenset({"nlp.txt", "att.txt", "full_occlusion.txt", "out_of_view.txt"})
-_NO_SEQUENCES = frozenset({*_BOXES, *_KEYFRAMES, *_ATTRIBUTES, "__macosx"})
+_NO_SEQUENCES = frozenset({*_BOXES, *_KEYFRAMES, *ATTRIBUTE_FOLDERS, "__macosx"})
 _DEPTH = 2  # NAT2021/test/data_seq
 
 
@@ -145,7 +145,7 @@ def only_layout(folder: Path, layouts: tuple[Layout, ...]) -> Layout:
 
 
 @dataclass(frozen=True, slots=True)
-class _SideFiles:
+class SideFiles:
     """The annotation folders beside the frames, the preferred one first."""
 
     boxes: tuple[Listing, ...]
@@ -153,10 +153,11 @@ class _SideFiles:
     attributes: tuple[Listing, ...]
 
     @classmethod
-    def of(cls, base: Listing) -> "_SideFiles":
+    def of(cls, base: Listing) -> "SideFiles":
+        """Those in a listed folder."""
         boxes = base.inside(*_BOXES)
-        within = tuple(found for listing in boxes for found in listing.inside(*_ATTRIBUTES))
-        return cls(boxes, base.inside(*_KEYFRAMES), (*base.inside(*_ATTRIBUTES), *within))
+        within = tuple(found for listing in boxes for found in listing.inside(*ATTRIBUTE_FOLDERS))
+        return cls(boxes, base.inside(*_KEYFRAMES), (*base.inside(*ATTRIBUTE_FOLDERS), *within))
 
     def words(self) -> str:
         """Names of the folders, as they are written on disk."""
@@ -190,6 +191,16 @@ class _SideFiles:
             _first_file(self.attributes, f"{name}.txt", f"{name}_att.txt"),
             links=(file,) if file in listing.links else (),
         )
+
+    def annotated(self, name: str) -> FoundSequence | None:
+        """The sequence of the box file `NAME.txt`, without frames; None where there is no such."""
+        boxes = _first_file(self.boxes, f"{name}.txt")
+        if boxes is None:
+            return None
+        plain = name[: -len("_gt")] if name.lower().endswith("_gt") else name
+        flags = _first_file(self.attributes, f"{plain}.txt", f"{plain}_att.txt")
+        frames = FolderFrames(boxes.parent, ())
+        return FoundSequence(plain, boxes.parent, frames, boxes, attributes=flags)
 
     def unused(self, names: set[str]) -> tuple[str, ...]:
         """Names of box files that belong to none of the sequences `names`."""
@@ -228,7 +239,7 @@ def _is_sequence(listing: Listing) -> bool:
 
 
 def _frames_apart(base: Listing, frames: Listing) -> list[Layout]:
-    side = _SideFiles.of(base)
+    side = SideFiles.of(base)
     children = [frames.child(n) for n in frames.folders if n.lower() not in _NO_SEQUENCES]
     found = [side.sequence(x.path.name, x, x.file(*_BOX_FILES)) for x in children]
     folders = {s.name for s in found if s.frames}
@@ -241,20 +252,22 @@ def _frames_apart(base: Listing, frames: Listing) -> list[Layout]:
         return []
     words = f"{frames.path.name}/{side.words()}"
     unused = side.unused({s.name for s in found})
-    return [replace(_layout("apart", base.path, words, found), without_frames=unused, empty=empty)]
+    return [
+        replace(make_layout("apart", base.path, words, found), without_frames=unused, empty=empty)
+    ]
 
 
 def _single_sequence(listing: Listing) -> list[Layout]:
     name = listing.path.resolve().name
-    side = _SideFiles.of(listing)
-    found = side.sequence(name, listing, _own_boxes(listing))
+    side = SideFiles.of(listing)
+    found = side.sequence(name, listing, own_boxes(listing))
     words = "images of one sequence" + (f" + {found.boxes.name}" if found.boxes else "")
-    return [_layout("single", listing.path, words, [found])]
+    return [make_layout("single", listing.path, words, [found])]
 
 
 def _one_folder_each(listing: Listing, children: list[Listing]) -> list[Layout]:
-    side = _SideFiles.of(listing)
-    looked = [(x, side.sequence(x.path.name, x, _own_boxes(x))) for x in children]
+    side = SideFiles.of(listing)
+    looked = [(x, side.sequence(x.path.name, x, own_boxes(x))) for x in children]
     found = [s for child, s in looked if _is_wanted(s) or child.file(*_BOX_FILES)]
     if not any(sequence.frames for sequence in found):
         return []
@@ -262,7 +275,7 @@ def _one_folder_each(listing: Listing, children: list[Listing]) -> list[Layout]:
     own = sorted({s.boxes.name for s in found if s.boxes and s.boxes.parent == s.folder})
     words = f"NAME/{inner}/" if inner else "NAME/"
     words += f" + NAME/{own[0]}" if len(own) == 1 else " + NAME/*.txt" if own else ""
-    return [_layout("each", listing.path, words + side.words(), found)]
+    return [make_layout("each", listing.path, words + side.words(), found)]
 
 
 def _look_inside(listing: Listing, children: list[Listing], depth: int) -> list[Layout]:
@@ -271,7 +284,7 @@ def _look_inside(listing: Listing, children: list[Listing], depth: int) -> list[
     layouts = [layout for layout in layouts if layout.kind == "apart"] or layouts
     if len(layouts) > 1 and all(layout.kind == "each" for layout in layouts):
         found = [sequence for layout in layouts for sequence in layout.sequences]
-        return [_layout("each", listing.path, f"CATEGORY/{layouts[0].words}", found)]
+        return [make_layout("each", listing.path, f"CATEGORY/{layouts[0].words}", found)]
     return layouts
 
 
@@ -285,18 +298,18 @@ def _videos(listing: Listing) -> list[Layout]:
     """Videos directly in a folder, each with its box file beside it."""
     if not listing.videos:
         return []
-    side = _SideFiles.of(listing)
-    alone = _own_boxes(listing) if len(listing.videos) == 1 else None
+    side = SideFiles.of(listing)
+    alone = own_boxes(listing) if len(listing.videos) == 1 else None
     found = [side.video(listing, video, alone) for video in listing.videos]
-    return [_layout("each", listing.path, f"videos + NAME.txt{side.words()}", found)]
+    return [make_layout("each", listing.path, f"videos + NAME.txt{side.words()}", found)]
 
 
 def _single_video(path: Path) -> list[Layout]:
     """One video that was asked for itself."""
     listing = Listing.of(path.parent)
-    found = replace(_SideFiles.of(listing).video(listing, path.name), links=())
+    found = replace(SideFiles.of(listing).video(listing, path.name), links=())
     words = "one video" + (f" + {found.boxes.name}" if found.boxes else "")
-    return [_layout("single", path, words, [found])]
+    return [make_layout("single", path, words, [found])]
 
 
 def _frames_folder(listing: Listing) -> Listing:
@@ -312,7 +325,7 @@ def _frames(holder: Listing) -> StoredFrames:
     return FolderFrames(holder.path, holder.images)
 
 
-def _own_boxes(listing: Listing) -> Path | None:
+def own_boxes(listing: Listing) -> Path | None:
     """The box file in a sequence's own folder: of a known name, or its only text file."""
     names = (listing.path.name, listing.path.resolve().name)
     named = [f"{name}{end}.txt" for name in names for end in ("", "_gt")]
@@ -324,7 +337,12 @@ def _own_boxes(listing: Listing) -> Path | None:
     return listing.path / texts[0] if len(texts) == 1 else None
 
 
-def _layout(kind: Kind, folder: Path, words: str, found: list[FoundSequence]) -> Layout:
+def make_layout(kind: Kind, folder: Path, words: str, found: list[FoundSequence]) -> Layout:
+    """A layout of these sequences.
+
+    Raises:
+        DatasetIncomplete: two have one name, or a name cannot be printed.
+    """
     found = sorted(found, key=lambda sequence: sequence.name)
     strange = [s.name for s in found if not s.name.isprintable()]
     if strange:

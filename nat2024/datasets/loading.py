@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any, Literal, TypeAlias
 
+from nat2024.datasets.frameless import frameless_sequences
 from nat2024.datasets.reading import (
     Place,
     ReadSequence,
@@ -29,6 +30,7 @@ def load_dataset(
     root: str | os.PathLike[str] | None = None,
     *,
     unannotated: bool = False,
+    frameless: bool = False,
     lenient: bool = False,
     rule: Rule | None = None,
 ) -> Dataset:
@@ -44,6 +46,8 @@ def load_dataset(
             environment, then the configuration file (`nat2024.datasets.find_root`).
         unannotated: keep sequences without annotation too, with boxes (0, 4), and those with boxes
             of some frames only, with `keyframes` set.
+        frameless: keep sequences of which only boxes are there too, enough to score results; their
+            frames raise `FrameUnreadable`. One line of log names them.
         lenient: cut boxes and images to the shorter where they differ in number, with a line of
             log, instead of raising.
         rule: which sequences belong to it: "published" those of the published list, "length" those
@@ -62,9 +66,9 @@ def load_dataset(
         BoxFileError: box files that cannot be read, where that is all that is wrong.
         UsageError: options that do not fit together, or a wrong configuration file.
     """
-    place, asked = locate(name_or_path, root), rule
+    place, asked = locate(name_or_path, root, frameless=frameless), rule
     place, rule = _keep_published(place, rule)
-    read = _keep_long(place, read_sequences(place), rule)
+    read = _keep_long(place, read_sequences(place, frameless=frameless), rule)
     kept = [r for r in read if unannotated or r.has_boxes]
     left_out = tuple(r.name for r in read if not (unannotated or r.has_boxes))
     _refuse_faulty(place, read, lenient=lenient)
@@ -92,11 +96,16 @@ def _lasting(name_or_path: str | os.PathLike[str]) -> str:
     return str(expand(name_or_path).resolve())
 
 
-def load_again(origin: Origin) -> Dataset:
+def load_again(origin: Origin, *, frameless: bool = False) -> Dataset:
     """Load a dataset as it was loaded before, sequences without full annotation included."""
     rule: Any = origin.rule
     return load_dataset(
-        origin.source, origin.root or None, unannotated=True, lenient=origin.lenient, rule=rule
+        origin.source,
+        origin.root or None,
+        unannotated=True,
+        frameless=frameless,
+        lenient=origin.lenient,
+        rule=rule,
     )
 
 
@@ -150,6 +159,10 @@ def _refuse_faulty(place: Place, read: Iterable[ReadSequence], *, lenient: bool)
 
 
 def _log_remarks(place: Place, kept: list[ReadSequence], left_out: tuple[str, ...]) -> None:
+    absent = frameless_sequences([r.found for r in kept])
+    if absent:
+        which = "any sequence" if len(absent) == len(kept) else some(absent)
+        _log.warning("%s: no frames of %s, scores need none", place.name, which)
     if left_out:
         _log.warning("%s: left out, not every frame has a box: %s", place.name, some(left_out))
     if place.layout.empty:

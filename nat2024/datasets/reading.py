@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from nat2024.archives import is_archive
 from nat2024.boxes import parse_boxes
 from nat2024.datasets.annotations import (
     read_attributes,
@@ -29,6 +30,7 @@ from nat2024.datasets.described import (
     read_described,
 )
 from nat2024.datasets.file_checks import base_folder, check_files
+from nat2024.datasets.frameless import AbsentFrames, find_annotation, with_frameless
 from nat2024.datasets.layouts import FoundSequence, Layout, find_layouts, only_layout
 from nat2024.datasets.listings import path_kind
 from nat2024.datasets.recognition import Recognition, recognise_layout
@@ -151,11 +153,17 @@ class ReadSequence:
         )
 
 
-def locate(name_or_path: str | os.PathLike[str], root: str | os.PathLike[str] | None) -> Place:
+def locate(
+    name_or_path: str | os.PathLike[str],
+    root: str | os.PathLike[str] | None,
+    *,
+    frameless: bool = False,
+) -> Place:
     """Find a dataset by registered name or path and recognise it.
 
     Nothing is read yet, but for an annotation file that describes the whole dataset. Such a file
-    can also be named itself; `root` is then the folder of its frames.
+    can also be named itself; `root` is then the folder of its frames. With `frameless` sequences
+    without frames are found too.
 
     Raises:
         AnnotationInvalid: an annotation file cannot be used.
@@ -164,7 +172,7 @@ def locate(name_or_path: str | os.PathLike[str], root: str | os.PathLike[str] | 
         UsageError: a root was given for a path, or the configuration file is wrong.
     """
     if isinstance(name_or_path, str) and is_registered(name_or_path):
-        return _locate_registered(name_or_path, root)
+        return _locate_registered(name_or_path, root, frameless=frameless)
     folder = expand(name_or_path)
     if is_annotation_file(folder):
         return _locate_annotation(folder, root)
@@ -173,7 +181,7 @@ def locate(name_or_path: str | os.PathLike[str], root: str | os.PathLike[str] | 
         raise UsageError(msg)
     if path_kind(folder) == "absent":
         raise DatasetNotFound(_unknown(str(name_or_path)))
-    layout = only_layout(folder, _layouts(folder))
+    layout = only_layout(folder, _layouts(folder, frameless=frameless))
     name = _base_name(folder)
     return Place(name, False, folder, layout, recognise_layout(layout))
 
@@ -185,7 +193,30 @@ def _locate_annotation(path: Path, root: str | os.PathLike[str] | None) -> Place
     return Place(name, False, described.base, layout, recognise_layout(layout))
 
 
-def _layouts(folder: Path) -> tuple[Layout, ...]:
+def _layouts(folder: Path, *, frameless: bool) -> tuple[Layout, ...]:
+    """Layouts in a folder, perhaps with sequences of which the frames are absent."""
+    if not frameless:
+        return _layouts_with_frames(folder)
+    try:
+        found = tuple(map(with_frameless, _layouts_with_frames(folder)))
+    except DatasetNotFound:
+        if path_kind(folder) != "folder" and not is_archive(folder):
+            raise
+        annotation = find_annotation(folder)
+        if annotation is None:
+            raise
+        return (annotation,)
+    if _have_boxes(found):
+        return found
+    annotation = find_annotation(folder)  # the images are perhaps no dataset
+    return (annotation,) if annotation is not None else found
+
+
+def _have_boxes(layouts: tuple[Layout, ...]) -> bool:
+    return any(s.boxes or s.keyframes or s.record for x in layouts for s in x.sequences)
+
+
+def _layouts_with_frames(folder: Path) -> tuple[Layout, ...]:
     """Layouts in a folder: our annotation files go first, those of others before no boxes."""
     described = find_described(folder)
     if described is not None:
@@ -194,7 +225,7 @@ def _layouts(folder: Path) -> tuple[Layout, ...]:
         layouts = find_layouts(folder)
     except DatasetNotFound:
         layouts = ()
-    if any(s.boxes or s.keyframes for layout in layouts for s in layout.sequences):
+    if _have_boxes(layouts):
         return layouts
     foreign = find_foreign(folder)
     if foreign is not None:
@@ -209,10 +240,10 @@ def _base_name(folder: Path) -> str:
     return name or "dataset"
 
 
-def _locate_registered(name: str, root: str | os.PathLike[str] | None) -> Place:
+def _locate_registered(name: str, root: str | os.PathLike[str] | None, *, frameless: bool) -> Place:
     folder = find_root(name, root)
     try:
-        layouts = _layouts(folder)
+        layouts = _layouts(folder, frameless=frameless)
     except DatasetNotFound as error:
         msg = f"dataset {name}: {error}. {how_to_get(name)}"
         raise DatasetNotFound(msg) from None
@@ -242,14 +273,21 @@ def _unknown(name: str) -> str:
     return f"{name!r} is neither a registered dataset nor a folder{near}"
 
 
-def read_sequences(place: Place) -> list[ReadSequence]:
+def read_sequences(place: Place, *, frameless: bool = False) -> list[ReadSequence]:
     """Read the annotation of every sequence; faults are kept, never raised."""
     root = base_folder(place.folder)
-    return [read_sequence(found, place.facts, root) for found in place.layout.sequences]
+    return [
+        read_sequence(found, place.facts, root, frameless=frameless)
+        for found in place.layout.sequences
+    ]
 
 
 def read_sequence(
-    found: FoundSequence, facts: DatasetFacts | None, root: Path | None = None
+    found: FoundSequence,
+    facts: DatasetFacts | None,
+    root: Path | None = None,
+    *,
+    frameless: bool = False,
 ) -> ReadSequence:
     """Read the annotation of one sequence; a fault is kept, never raised.
 
@@ -257,10 +295,11 @@ def read_sequence(
         found: where it lies.
         facts: what is published about the dataset.
         root: folder that linked files must not lead out of; None takes the sequence's own.
+        frameless: take it without frames where an annotation file names some that are absent.
     """
     read = ReadSequence(found, np.empty((0, 4)))
     if found.record is not None:
-        return _read_record(read, found.record, root or found.folder)
+        return _read_record(read, found.record, root or found.folder, frameless=frameless)
     read = _with_words(read)
     try:
         check_files(found, root or found.folder)
@@ -273,7 +312,9 @@ def read_sequence(
     return _with_attributes(read, facts)
 
 
-def _read_record(read: ReadSequence, record: AnnotatedSequence, root: Path) -> ReadSequence:
+def _read_record(
+    read: ReadSequence, record: AnnotatedSequence, root: Path, *, frameless: bool
+) -> ReadSequence:
     read = replace(
         read,
         boxes=all_boxes(record),
@@ -286,6 +327,11 @@ def _read_record(read: ReadSequence, record: AnnotatedSequence, root: Path) -> R
     )
     try:
         check_described(read.found, root)
+    except DatasetIncomplete as error:
+        if not frameless:
+            return replace(read, fault=error, frames_fault=True)
+        frames = AbsentFrames(read.found.frames.folder, read.name, record.frames.count)
+        return replace(read, found=replace(read.found, frames=frames))
     except NatBenchError as error:
         return replace(read, fault=error, frames_fault=True)
     return read

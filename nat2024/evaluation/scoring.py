@@ -98,11 +98,18 @@ def _carriers(
     return {name: sequences for name, sequences in found.items() if sequences}
 
 
-def dataset_of_runs(folder: str | Path, *, lenient: bool = False) -> Dataset:
+def dataset_of_runs(
+    folder: str | Path, *, lenient: bool = False, frameless: bool = False
+) -> Dataset:
     """Load the dataset that the manifests of a folder of runs name.
 
     Where there is none, the folder's own name may be that of a registered dataset, in any spelling
     (`UAVDark135`).
+
+    Args:
+        folder: of one dataset's runs.
+        lenient: as in `load_dataset`.
+        frameless: as in `load_dataset`.
 
     Raises:
         DatasetNotFound: nothing tells, or it is no longer there.
@@ -110,25 +117,24 @@ def dataset_of_runs(folder: str | Path, *, lenient: bool = False) -> Dataset:
     manifests = [manifest for run in list_runs(folder) if (manifest := run.manifest())]
     records = [manifest.dataset for manifest in manifests if manifest.dataset.source]
     if not records:
-        return _dataset_named(Path(folder), lenient=lenient)
+        return _dataset_named(Path(folder), lenient=lenient, frameless=frameless)
     record = records[0]
     try:
-        return load_again(
-            Origin(record.source, record.root, lenient or record.lenient, record.rule)
-        )
+        origin = Origin(record.source, record.root, lenient or record.lenient, record.rule)
+        return load_again(origin, frameless=frameless)
     except DatasetNotFound as error:
         msg = f"{error}; {folder} was made from it, name it with --dataset if it has moved"
         raise DatasetNotFound(msg) from None
 
 
-def _dataset_named(folder: Path, *, lenient: bool) -> Dataset:
+def _dataset_named(folder: Path, *, lenient: bool, frameless: bool) -> Dataset:
     """The registered dataset that a folder of foreign results is named as."""
     name = next((n for n in list_datasets() if names_dataset(folder.name, n)), None)
     if name is None:
         msg = f"{folder}: no manifest tells which dataset this is; name it with --dataset"
         raise DatasetNotFound(msg)
     _log.info("%s: taken for results of %s, as the folder is called", folder, name)
-    return load_dataset(name, unannotated=True, lenient=lenient)
+    return load_dataset(name, unannotated=True, frameless=frameless, lenient=lenient)
 
 
 def _score_run(run: Run, dataset: Dataset, scorer: Scorer, *, skip_faulty: bool) -> RunScores:

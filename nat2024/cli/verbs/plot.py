@@ -138,10 +138,14 @@ def _job(scoring: Scoring, evaluation: "Evaluation", wanted: "Wanted") -> "Job":
         try:
             if scoring.dataset is not None:
                 return load_dataset(
-                    scoring.dataset, scoring.root, unannotated=True, lenient=lenient
+                    scoring.dataset,
+                    scoring.root,
+                    unannotated=True,
+                    frameless=True,
+                    lenient=lenient,
                 )
             folder = dataset_folder(scoring.results, evaluation.dataset)
-            return dataset_of_runs(folder, lenient=lenient)
+            return dataset_of_runs(folder, lenient=lenient, frameless=True)
         except NatBenchError:
             return None
 
