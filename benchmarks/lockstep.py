@@ -1,17 +1,23 @@
 """Sequences in one forward, beside one at a time: `nat-bench run --batch`.
 
     python benchmarks/lockstep.py [--device cpu|cuda] [--batches 1,2,4,8] [--json]
-        [--jpeg | --updates]
+        [--jpeg | --updates] [--profile]
 
 runs siamrpnpp (AlexNet, official size) with ldenhancer, both with fresh weights, over rendered
 frames of 960x540 through the engine's own loop, and prints the frames a second of all sequences
-together for each batch. Sizes take turns, and the best turn counts. With `--jpeg` frames are
-decoded from JPEG in reader threads, as in a run; without, they lie in memory. With `--updates` only
-the tracker's updates are timed, all of them on one frame: what the device allows.
+together for each batch: two for each lane, of lengths from the half of `--frames` to the whole.
+Sizes take turns, and the best turn counts. With `--jpeg` frames are decoded from JPEG in reader
+threads, as in a run; without, they lie in memory. With `--updates` only the tracker's updates are
+timed, all of them on one frame: what the device allows. `--profile` shows which functions the
+largest batch spends its time in.
 """
 
 import argparse
+import cProfile
+import functools
+import itertools
 import json
+import pstats
 import time
 from collections.abc import Sequence
 from typing import Any
@@ -28,6 +34,28 @@ from nat2024.store import Track
 
 RENDERED = 4
 """How many different sequences are rendered."""
+
+KEPT = 8
+"""How many frames of each; a longer sequence goes to and fro in them."""
+
+ROUNDS = 2
+"""Sequences for each lane."""
+
+
+class ToAndFro:
+    """A few frames as a sequence of any length, the last one followed by the one before it."""
+
+    def __init__(self, frames: Any, count: int) -> None:
+        self.frame_size = (frames[0].shape[1], frames[0].shape[0])
+        self._frames, self._count = frames, count
+
+    def __len__(self) -> int:
+        return self._count
+
+    def __getitem__(self, index: int) -> types.Image:
+        last = len(self._frames) - 1
+        image: types.Image = self._frames[last - abs(last - index % (2 * last))]
+        return image
 
 
 class JpegFrames:
@@ -49,16 +77,32 @@ class JpegFrames:
 
 
 def render(count: int, frames: int, size: tuple[int, int], *, jpeg: bool) -> list[types.Sequence]:
-    """Night sequences, of which a few are rendered and the others the same under other names."""
-    from nat2024.night import Clip, render_clip
+    """Night sequences, of which a few are rendered and the others the same under other names.
 
+    The first has all `frames`, and each is a little shorter than the one before it, down to half.
+    """
     rendered = []
     for seed in range(min(count, RENDERED)):
-        clip = Clip(f"s{seed}", frames=frames, size=size, target_size=(40, 30), seed=seed)
-        images, boxes = zip(*render_clip(clip), strict=True)
-        source: Any = JpegFrames(images) if jpeg else images
-        rendered.append((source, np.array(boxes)))
-    return [types.Sequence(f"s{n}", *rendered[n % len(rendered)]) for n in range(count)]
+        images, box = render_one(seed, min(frames, KEPT), size)
+        rendered.append((JpegFrames(images) if jpeg else images, box))
+    sequences = []
+    for number, (source, box) in zip(range(count), itertools.cycle(rendered), strict=False):
+        length = frames - frames * number // (2 * count)
+        boxes = np.tile(np.asarray(box), (length, 1))
+        sequences.append(types.Sequence(f"s{number}", ToAndFro(source, length), boxes))
+    return sequences
+
+
+@functools.cache
+def render_one(
+    seed: int, frames: int, size: tuple[int, int]
+) -> tuple[Sequence[types.Image], types.Box]:
+    """Frames of a clip, and the box in the first."""
+    from nat2024.night import Clip, render_clip
+
+    clip = Clip(f"s{seed}", frames=frames, size=size, target_size=(40, 30), seed=seed)
+    images, boxes = zip(*render_clip(clip), strict=True)
+    return images, boxes[0]
 
 
 def create(device: str, enhancer: str) -> Tracker:
@@ -74,14 +118,13 @@ def create(device: str, enhancer: str) -> Tracker:
     return combination.create()[0]
 
 
-def track(tracker: Tracker, sequences: list[types.Sequence], batch: int) -> list[Any]:
+def track(tracker: Tracker, sequences: list[types.Sequence], batch: int) -> list[types.Boxes]:
     """Boxes of all sequences, `batch` of them at a time."""
-    boxes = []
-    for start in range(0, len(sequences), batch):
-        for finish in track_together([tracker], sequences[start : start + batch], Reading()):
-            assert isinstance(finish.result, Track), finish.result
-            boxes.append(finish.result.boxes)
-    return boxes
+    boxes: dict[int, types.Boxes] = {}
+    for finish in track_together([tracker], sequences, Reading(), lanes=batch):
+        assert isinstance(finish.result, Track), finish.result
+        boxes[finish.sequence] = finish.result.boxes
+    return [boxes[number] for number in range(len(sequences))]
 
 
 def measure_updates(given: argparse.Namespace) -> list[dict[str, Any]]:
@@ -120,31 +163,51 @@ def measure(given: argparse.Namespace) -> list[dict[str, Any]]:
     """Rows of the table."""
     width, height = (int(side) for side in given.size.split("x"))
     batches = [int(batch) for batch in given.batches.split(",")]
-    count = max(batches)
-    sequences = render(count, given.frames, (width, height), jpeg=given.jpeg)
+    every = {
+        batch: render(ROUNDS * batch, given.frames, (width, height), jpeg=given.jpeg)
+        for batch in batches
+    }
     tracker = create(given.device, given.enhancer)
     best = dict.fromkeys(batches, float("inf"))
-    boxes = {}
     with computing_threads(given.threads):
         for batch in batches:  # allocations and choices of kernels
-            track(tracker, sequences[:batch], batch)
+            track(tracker, render(batch, 2 * KEPT, (width, height), jpeg=given.jpeg), batch)
         for _ in range(given.turns):
             for batch in batches:
                 start = time.perf_counter()
-                boxes[batch] = np.concatenate(track(tracker, sequences, batch))
+                track(tracker, every[batch], batch)
                 best[batch] = min(best[batch], time.perf_counter() - start)
-    frames = count * given.frames
-    first = batches[0]
+        apart = compare(tracker, batches, (width, height))
+        if given.profile:
+            profile(tracker, every[batches[-1]], batches[-1])
+    frames = {batch: sum(map(len, every[batch])) for batch in batches}
+    seconds = {batch: best[batch] / frames[batch] for batch in batches}
     return [
         {
             "batch": batch,
-            "frames_per_second": frames / best[batch],
-            "ms_per_frame": 1000 * best[batch] / frames,
-            "ratio": best[first] / best[batch],
-            "largest_difference_px": float(np.abs(boxes[batch] - boxes[first]).max()),
+            "frames_per_second": 1 / seconds[batch],
+            "ms_per_frame": 1000 * seconds[batch],
+            "ratio": seconds[batches[0]] / seconds[batch],
+            "largest_difference_px": apart[batch],
         }
         for batch in batches
     ]
+
+
+def compare(tracker: Tracker, batches: list[int], size: tuple[int, int]) -> dict[int, float]:
+    """The largest difference of boxes between each batch and the first of them."""
+    short = render(max(batches), 2 * KEPT, size, jpeg=False)
+    found = {batch: np.concatenate(track(tracker, short, batch)) for batch in batches}
+    return {batch: float(np.abs(found[batch] - found[batches[0]]).max()) for batch in batches}
+
+
+def profile(tracker: Tracker, sequences: list[types.Sequence], batch: int) -> None:
+    """Print where the thread that tracks spends its time; it is slower for that."""
+    watched = cProfile.Profile()
+    watched.enable()
+    track(tracker, sequences, batch)
+    watched.disable()
+    pstats.Stats(watched).sort_stats("tottime").print_stats(25)
 
 
 def main() -> None:
@@ -159,6 +222,7 @@ def main() -> None:
     parser.add_argument("--size", default="960x540")
     parser.add_argument("--jpeg", action="store_true")
     parser.add_argument("--updates", action="store_true")
+    parser.add_argument("--profile", action="store_true")
     parser.add_argument("--json", action="store_true")
     given = parser.parse_args()
     rows = measure_updates(given) if given.updates else measure(given)

@@ -6,6 +6,7 @@ Convolutions in TF32 are off here, so that differences are those of the order of
 """
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,10 @@ import torch
 
 import nat2024
 from nat2024.cli import run
+from nat2024.engine import combine, run_benchmark
+from nat2024.networks.replaying import Replayed
 from nat2024.night import Clip, render_clip
+from nat2024.store import RunFolder
 
 pytestmark = [
     pytest.mark.gpu,
@@ -119,6 +123,105 @@ def test_several_sequences_in_one_batch(name, options, clip):
         [single] = tracker.update_many([frames[2 * at + 1]], [firsts[at]], [targets[at]])
         assert step.score == pytest.approx(single.score, abs=2e-3)
         assert np.isfinite(step.box).all()
+
+
+@pytest.mark.parametrize(("name", "options"), TRACKERS)
+def test_a_replayed_network_gives_the_same_maps(name, options):
+    torch.manual_seed(4)
+    tracker = nat2024.create_tracker(name, weights=False, device="cuda", **options)
+    size = tracker.constants.instance_size
+    template = torch.rand(3, 3, 127, 127, device="cuda") * 120
+    with torch.inference_mode():
+        features = tracker.model.embed(template)
+        for _ in range(6):
+            search = torch.rand(3, 3, size, size, device="cuda") * 120
+            expected = tracker.model.match(features, search)
+            found = tracker.network.match(features, search)
+            for one, other in zip(found, expected, strict=True):
+                torch.testing.assert_close(one, other, rtol=1e-5, atol=1e-5)
+    replayed = tracker.network._parts["match"]
+    assert [recording is not None for recording in recordings(replayed)] == [True]
+
+
+def recordings(replayed):
+    return list(replayed._known().recordings.values())
+
+
+def test_what_is_replayed_follows_the_weights():
+    layer = torch.nn.Conv2d(3, 4, 3).cuda()
+    replayed = Replayed(layer, lambda x: layer(x).relu())
+    batch = torch.rand(2, 3, 9, 9, device="cuda")
+    with torch.no_grad():
+        for _ in range(6):
+            torch.testing.assert_close(replayed(batch), layer(batch).relu())
+        assert len(recordings(replayed)) == 1
+        first = replayed(batch)
+        kept = first.clone()
+        layer.weight.mul_(-2)
+        for _ in range(6):
+            torch.testing.assert_close(replayed(batch), layer(batch).relu())
+        torch.testing.assert_close(first, kept)  # nobody's answer is overwritten by the next
+    assert replayed(batch).requires_grad
+
+
+def test_what_cannot_be_recorded_is_called():
+    layer = torch.nn.Conv2d(3, 4, 3).cuda()
+    replayed = Replayed(layer, lambda x: layer(x) * float(x.sum()))
+    batch = torch.rand(2, 3, 9, 9, device="cuda")
+    with torch.no_grad():
+        for _ in range(6):
+            torch.testing.assert_close(replayed(batch), layer(batch) * float(batch.sum()))
+        assert recordings(replayed) == [None]
+        assert torch.ones(3, device="cuda").sum().item() == 3  # the device still works
+
+
+def test_shapes_are_recorded_apart_and_few_are_kept():
+    layer = torch.nn.Conv2d(3, 4, 3).cuda()
+    replayed = Replayed(layer, layer.forward)
+    with torch.inference_mode():
+        for side in [*range(9, 20), 9, 19]:
+            for _ in range(5):
+                batch = torch.rand(2, 3, side, side, device="cuda")
+                torch.testing.assert_close(replayed(batch), layer(batch))
+    assert len(recordings(replayed)) == 8
+
+
+@pytest.mark.parametrize("name", NETWORKS)
+def test_an_enhancer_that_can_be_replayed_is(name):
+    torch.manual_seed(6)
+    enhancer = nat2024.create_enhancer(name, weights=False, device="cuda")
+    if not enhancer.can_replay:
+        pytest.skip(f"{name} is not replayed")
+    for shape in ((3, 3, 72, 104), (1, 3, 40, 40)):
+        for _ in range(6):
+            batch = torch.rand(shape, device="cuda") * 0.4
+            found = enhancer.enhance_batch(batch)
+            with torch.no_grad():
+                expected = enhancer.forward(enhancer.pad(batch)[0])
+            expected = expected[..., : shape[2], : shape[3]].clamp(0, 1)
+            if enhancer.pad(batch)[0].shape == batch.shape:
+                torch.testing.assert_close(found, expected, rtol=1e-5, atol=1e-5)
+            assert torch.isfinite(found).all()
+    assert all(recordings(enhancer._replayed))
+
+
+def test_lanes_are_filled_again_on_a_device(night_clip, tmp_path):
+    whole = nat2024.load_dataset(night_clip)
+    cut = []
+    for number, length in enumerate((8, 3, 5, 2, 8, 6, 4)):
+        one = whole.sequences[number % len(whole)]
+        frames = one.frames.cut(length)
+        cut.append(replace(one, name=f"s{number}", frames=frames, boxes=one.boxes[:length]))
+    dataset = replace(whole, sequences=tuple(cut))
+    combinations = combine(["siamrpnpp"], ["none", "ldenhancer"], device="cuda")
+    for batch in (1, 3):
+        report = run_benchmark(combinations, dataset, tmp_path / str(batch), batch=batch, threads=4)
+        assert report.failures == ()
+    for one in combinations:
+        alone, together = (RunFolder(tmp_path / f"{b}/night_clip/{one.run}") for b in (1, 3))
+        for sequence in dataset:
+            found, expected = (f.boxes(sequence.name) for f in (together, alone))
+            np.testing.assert_allclose(found, expected, atol=0.05)
 
 
 def test_the_bundled_weights_track_as_on_the_cpu(clip):

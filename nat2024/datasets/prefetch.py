@@ -1,8 +1,8 @@
 """Frames decoded ahead in a background thread, so that whoever uses them waits less."""
 
 import threading
-from collections import deque
 from collections.abc import Iterator
+from queue import SimpleQueue
 from types import TracebackType
 from typing import Protocol, runtime_checkable
 
@@ -51,13 +51,16 @@ class Prefetch:
             msg = f"start and ahead must be 0 or more, not {start} and {ahead}"
             raise UsageError(msg)
         self._frames, self._next, self._count = frames, start, len(frames)
-        self._ready: deque[Image | BaseException] = deque()
-        self._changed = threading.Condition()
-        self._ahead, self._pending, self._stopped = ahead, 0, False
+        # Queues in C: with a Python lock for each frame, many threads would wait for each other.
+        self._ready: SimpleQueue[Image | BaseException] = SimpleQueue()
+        self._wanted: SimpleQueue[int] = SimpleQueue()
+        self._ahead, self._stopped = ahead, False
+        self._together, self._taken = max(1, ahead // 2), 0  # the thread is woken for that many
         self._thread: threading.Thread | None = None
 
     def __enter__(self) -> "Prefetch":
         if self._ahead and self._next < self._count:
+            self._wanted.put(self._ahead)
             self._thread = threading.Thread(
                 target=self._read_all, args=(self._next,), name="nat2024 prefetch", daemon=True
             )
@@ -70,12 +73,11 @@ class Prefetch:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        with self._changed:
-            self._stopped = True
-            self._ready.clear()
-            self._changed.notify_all()
+        self._stopped = True
+        self._wanted.put(0)
         if self._thread:
             self._thread.join()
+        self._ready = SimpleQueue()
         if isinstance(self._frames, Closing):
             self._frames.close()
 
@@ -92,11 +94,11 @@ class Prefetch:
         self._next += 1
         if self._thread is None:
             return self._frames[self._next - 1]
-        with self._changed:
-            self._changed.wait_for(lambda: self._ready)
-            item = self._ready.popleft()
-            self._pending -= 1
-            self._changed.notify_all()
+        item = self._ready.get()
+        self._taken += 1
+        if self._taken == self._together:
+            self._taken = 0
+            self._wanted.put(self._together)
         if isinstance(item, BaseException):
             raise item
         return item
@@ -106,18 +108,16 @@ class Prefetch:
         while self._next < self._count:
             yield self.take()
 
-    def _read_all(self, start: int) -> None:
-        for index in range(start, self._count):
-            with self._changed:
-                self._changed.wait_for(lambda: self._stopped or self._pending < self._ahead)
+    def _read_all(self, index: int) -> None:
+        while index < self._count:
+            stop = min(index + self._wanted.get(), self._count)
+            while index < stop:
                 if self._stopped:
                     return
-                self._pending += 1
-            item = self._read(index)
-            with self._changed:
-                self._ready.append(item)
-                self._changed.notify_all()
-            del item  # else it would stay in memory while this thread waits
+                self._ready.put(self._read(index))
+                index += 1
+            if self._stopped:
+                return
 
     def _read(self, index: int) -> Image | BaseException:
         try:

@@ -28,6 +28,7 @@ from nat2024.zoo import WeightsSpec, find_weights, read_checkpoint
 if TYPE_CHECKING:
     import torch
 
+    from nat2024.networks.replaying import Replayed
     from nat2024.zoo import StateDict
 
 
@@ -44,10 +45,14 @@ class NeuralEnhancer(Enhancer, ABC):
         image_order: the order in which the network sees the channels of images that `enhance`
             gets, as the authors' stand-alone test feeds them.
         fastest_backends: what "auto" tries on a CPU, measured by `benchmarks/backend_speed.py`.
+        can_replay: whether `forward` depends on the batch and on `model` alone, asks for no
+            tensor's value and always does the same: then CUDA devices replay it
+            (`networks.replaying`).
         backend: what runs the network.
     """
 
     stride: int = 1
+    can_replay: ClassVar[bool] = False
     fastest_backends: ClassVar[tuple[BackendName, ...]] = FASTEST_FIRST
     image_order: ClassVar[Literal["rgb", "bgr"]] = "rgb"
 
@@ -86,6 +91,7 @@ class NeuralEnhancer(Enhancer, ABC):
         model = self.build()
         load_weights(model, self.weights, self.read_state)
         self.model: torch.nn.Module = model.to(device).eval()
+        self._replayed: Replayed | None = None
         self._parts = compile_parts(
             self.model, self.parts(), backends, device=device, precision=precision
         )
@@ -188,11 +194,21 @@ class NeuralEnhancer(Enhancer, ABC):
         with torch.no_grad(), autocast, explain_lack_of_memory(self.name, height, width, count):
             yield
 
+    def _forward(self, padded: "torch.Tensor") -> "torch.Tensor":
+        if not self.can_replay or self.device == "cpu":
+            return self.forward(padded)
+        if self._replayed is None or self._replayed.module is not self.model:
+            from nat2024.networks.replaying import Replayed
+
+            self._replayed = Replayed(self.model, self.forward)
+        enhanced: torch.Tensor = self._replayed(padded)
+        return enhanced
+
     def _run(self, batch: "torch.Tensor") -> "torch.Tensor":
         height, width = batch.shape[-2:]
         padded, top, left = self.pad(batch.to(self.device))
         if self.backend == "torch":
-            enhanced = self.forward(padded)
+            enhanced = self._forward(padded)
         else:
             enhanced = self.forward_parts(self._parts, padded)
         enhanced = enhanced[..., top : top + height, left : left + width]

@@ -8,17 +8,29 @@ from torch import Tensor
 BAND_PIXELS = 1 << 17
 """About how many pixels a band has: its features stay near the processor."""
 
+_PIXELS_ELSEWHERE = 1 << 22
+"""The same away from the CPU, where small bands leave a device idle."""
+
 
 def bands_of(
-    count: int, height: int, width: int, *, stride: int = 1, pixels: int | None = None
+    count: int,
+    height: int,
+    width: int,
+    *,
+    stride: int = 1,
+    pixels: int | None = None,
+    device: torch.device | None = None,
 ) -> Iterator[tuple[int, int]]:
     """First and last row (exclusive) of bands that cover `height` rows of `count` images.
 
-    Bands begin at multiples of `stride` and have about `pixels` pixels (`BAND_PIXELS` by default).
+    Bands begin at multiples of `stride` and have about `pixels` pixels: `BAND_PIXELS` by default,
+    32 times as many where a `device` is named that is no CPU, as networks with few channels should.
     With gradients there is one band: training keeps the features of every band, so that bands
     would save nothing.
     """
     rows = height
+    if pixels is None and device is not None and device.type != "cpu":
+        pixels = _PIXELS_ELSEWHERE
     if not torch.is_grad_enabled():
         rows = max((pixels or BAND_PIXELS) // (count * width) // stride, 1) * stride
     for start in range(0, height, rows):

@@ -399,7 +399,8 @@ class LDEnhancerNet(nn.Module):
         """
         count, _, height, width = image.shape
         enhanced = image.clone(memory_format=torch.contiguous_format)
-        for start, stop in bands_of(count, height, width, stride=STRIDE):
+        bands = bands_of(count, height, width, stride=STRIDE, device=image.device)
+        for start, stop in bands:
             rows = slice(start, stop)
             content = self.content_estimation.sigmoids(features.O1, start, stop)
             content -= (

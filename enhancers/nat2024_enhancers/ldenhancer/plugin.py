@@ -28,6 +28,7 @@ class LDEnhancer(NeuralEnhancer):
 
     card = read_card("nat2024_enhancers.ldenhancer")
     stride = 16
+    can_replay = True
     training_settings = LDEnhancerSettings()
     training_presets: ClassVar[Mapping[str, Mapping[str, Any]]] = PRESETS
     ablation: ClassVar[Mapping[str, Mapping[str, Any]]] = ABLATION

@@ -7,6 +7,7 @@ from functools import cache
 import cv2
 import numpy as np
 import pytest
+import torch
 
 import nat2024
 from nat2024_trackers.siamese.state import Target
@@ -50,7 +51,8 @@ def official(kit, variant, kind):
 def test_network_outputs(kit, make, variant, kind, runtime):
     pair = np.load(kit / "net" / f"nanotrack{variant}.npz")
     tracker = make(variant, kind, runtime)
-    maps = tracker._match([tracker._embed([pair["template"]])], [pair["search"]])
+    template, search = (torch.from_numpy(pair[name][None]) for name in ("template", "search"))
+    maps = tracker._match([tracker._embed(template)], search)
     for found, name in zip(maps, ("cls", "loc"), strict=True):
         expected = pair[f"{'out' if kind == 'plain' else 'gamma'}_{name}"]
         assert found.shape[1:] == expected.shape

@@ -97,14 +97,12 @@ def test_negative_sizes_and_no_numbers_give_no_warning_and_are_never_chosen():
     maps[2][0, 0, :, :] = 5
     maps[2][0, 0, 12, 9] = 6
     constants = proposal_constants(0.08, 0.4364, 0.302)
-    found = decoder()(maps)
-    step = select(
-        found.scores[0],
-        found.boxes[0],
-        Target(100, 100, 40, 40),
-        SearchWindow(287, 1.0),
+    [step] = select(
+        decoder()(maps),
+        [Target(100, 100, 40, 40)],
+        [SearchWindow(287, 1.0)],
         cosine_window(constants),
-        (640, 360),
+        [(640, 360)],
         constants,
     )
     assert step.index == 12 * 21 + 9

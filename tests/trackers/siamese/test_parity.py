@@ -11,6 +11,7 @@ from functools import cache
 import cv2
 import numpy as np
 import pytest
+import torch
 
 import nat2024
 from nat2024_trackers.siamese.state import Target
@@ -127,7 +128,8 @@ def test_network_outputs(kit, case, tracker):
     if run not in ("plain", "gamma"):
         pytest.skip("the same network as in the run 'gamma'")
     pair = np.load(kit / "net" / f"{row.kit}.{run}.npz")
-    maps = tracker._match([tracker._embed([pair["template"]])], [pair["search"]])
+    template, search = (torch.from_numpy(pair[name][None]) for name in ("template", "search"))
+    maps = tracker._match([tracker._embed(template)], search)
     assert len(maps) == len(row.outputs)
     for found, name in zip(maps, row.outputs, strict=True):
         expected = pair[f"out_{name}"]

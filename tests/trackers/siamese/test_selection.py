@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from nat2024_trackers.siamese.crops import SearchWindow
 from nat2024_trackers.siamese.selection import cosine_window, penalties, select
-from nat2024_trackers.siamese.state import Constants, Target
+from nat2024_trackers.siamese.state import Candidates, Constants, Target
 
 CONSTANTS = Constants(
     instance_size=63,
@@ -27,7 +27,9 @@ FRAME = (120, 100)
 
 def choose(scores, boxes, target=TARGET, constants=CONSTANTS):
     window = cosine_window(constants)
-    return select(scores, boxes, target, SEARCHED, window, FRAME, constants)
+    found = Candidates(scores[None], boxes[None])
+    [step] = select(found, [target], [SEARCHED], window, [FRAME], constants)
+    return step
 
 
 def still_candidates() -> tuple[np.ndarray, np.ndarray]:
@@ -98,7 +100,7 @@ def test_the_window_is_zero_on_its_border_and_repeats_for_each_anchor():
 def test_an_unchanged_candidate_has_no_penalty():
     _, boxes = still_candidates()
     boxes[2, 0] *= 2
-    penalty = penalties(boxes, TARGET, SEARCHED.scale, CONSTANTS)
+    [penalty] = penalties(boxes[None], [TARGET], [SEARCHED.scale], CONSTANTS)
     assert penalty[0] < 0.95
     np.testing.assert_allclose(penalty[1:], 1)
 
@@ -106,8 +108,8 @@ def test_an_unchanged_candidate_has_no_penalty():
 def test_the_guard_of_the_ratios_is_an_option():
     _, boxes = still_candidates()
     guarded = dataclasses.replace(CONSTANTS, ratio_epsilon=1e-5)
-    plain = penalties(boxes * 1.5, TARGET, SEARCHED.scale, CONSTANTS)
-    other = penalties(boxes * 1.5, TARGET, SEARCHED.scale, guarded)
+    plain = penalties(boxes[None] * 1.5, [TARGET], [SEARCHED.scale], CONSTANTS)
+    other = penalties(boxes[None] * 1.5, [TARGET], [SEARCHED.scale], guarded)
     assert 0 < np.abs(plain - other).max() < 1e-5
 
 
@@ -173,3 +175,22 @@ def test_the_size_is_clipped_to_ten_pixels_and_the_image():
     boxes[2:] = [[1.0], [1000.0]]
     target = choose(scores, boxes, constants=loose).target
     assert (target.width, target.height) == (10, 100)
+
+
+def test_several_sequences_are_judged_as_if_alone():
+    rng = np.random.default_rng(5)
+    scores = rng.uniform(size=(4, COUNT)).astype(np.float32)
+    boxes = rng.normal(10, 9, size=(4, 4, COUNT)).astype(np.float32)  # negative sizes among them
+    scores[1, 3], boxes[2, 0, 7], scores[3] = np.nan, np.inf, np.nan
+    targets = [Target(60.0 + n, 50.0 - n, 20.0 + 3 * n, 30.0 - n) for n in range(4)]
+    searched = [SearchWindow(side=100 + n, scale=0.5 + 0.1 * n) for n in range(4)]
+    sizes = [(120 + n, 100) for n in range(4)]
+    window = cosine_window(CONSTANTS)
+    together = select(Candidates(scores, boxes), targets, searched, window, sizes, CONSTANTS)
+    for n in range(4):
+        only = Candidates(scores[n : n + 1], boxes[n : n + 1])
+        one = slice(n, n + 1)
+        alone = select(only, targets[one], searched[one], window, sizes[one], CONSTANTS)
+        assert alone == [together[n]]
+    assert [step.index >= 0 for step in together] == [True, True, True, False]
+    assert together[3].target == targets[3]

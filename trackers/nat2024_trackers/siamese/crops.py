@@ -75,7 +75,14 @@ def mean_color(image: Image) -> npt.NDArray[np.uint8]:
     return mean.astype(np.uint8)
 
 
-def crop(image: Image, target: Target, side: int, size: int, fill: npt.NDArray[np.uint8]) -> Image:
+def crop(
+    image: Image,
+    target: Target,
+    side: int,
+    size: int,
+    fill: npt.NDArray[np.uint8],
+    out: Image | None = None,
+) -> Image:
     """Cut a square around the target's centre and resize it to `size` (bilinear, uint8).
 
     Args:
@@ -84,32 +91,47 @@ def crop(image: Image, target: Target, side: int, size: int, fill: npt.NDArray[n
         side: of the square in image pixels, at least 1; may reach beyond the image or miss it.
         size: of the result in pixels.
         fill: uint8 (3,), colour outside the image.
+        out: uint8 (size, size, 3), C-contiguous, to write the result to.
 
     Returns:
-        uint8 (size, size, 3).
+        uint8 (size, size, 3): `out` where it is given.
     """
     import cv2
 
+    out = np.empty((size, size, 3), dtype=np.uint8) if out is None else out
     left = _origin(target.center_x, side)
     top = _origin(target.center_y, side)
     if side > LARGEST_CANVAS:
-        return _sampled_crop(image, (left, top), side, size, fill)
-    height, width = image.shape[:2]
-    if left >= 0 and top >= 0 and left + side <= width and top + side <= height:
-        patch = image[top : top + side, left : left + side]
-    else:
-        patch = np.empty((side, side, 3), dtype=np.uint8)
-        patch[:] = fill
-        x0, x1 = max(0, left), min(width, left + side)
-        y0, y1 = max(0, top), min(height, top + side)
-        if x0 < x1 and y0 < y1:
-            patch[y0 - top : y1 - top, x0 - left : x1 - left] = image[y0:y1, x0:x1]
+        out[:] = _sampled_crop(image, (left, top), side, size, fill)
+        return out
+    patch = _square(image, left, top, side, fill)
     if side == size:
-        return patch.copy()
-    resized: Image = cv2.resize(patch, (size, size), interpolation=cv2.INTER_LINEAR).astype(
+        np.copyto(out, patch)
+    else:
+        cv2.resize(patch, (size, size), dst=out, interpolation=cv2.INTER_LINEAR)
+    return out
+
+
+def _square(image: Image, left: int, top: int, side: int, fill: npt.NDArray[np.uint8]) -> Image:
+    """The pixels of a square, part of the image where it lies within; filled where it does not."""
+    import cv2
+
+    height, width = image.shape[:2]
+    x0, x1 = max(0, left), min(width, left + side)
+    y0, y1 = max(0, top), min(height, top + side)
+    if x0 >= x1 or y0 >= y1:
+        nothing = np.empty((side, side, 3), dtype=np.uint8)
+        nothing[:] = fill
+        return nothing
+    inside = image[y0:y1, x0:x1]
+    margins = y0 - top, top + side - y1, x0 - left, left + side - x1
+    if not any(margins):
+        return inside
+    kind = cv2.BORDER_CONSTANT | cv2.BORDER_ISOLATED
+    filled: Image = cv2.copyMakeBorder(inside, *margins, kind, value=fill.tolist()).astype(
         np.uint8, copy=False
     )
-    return resized
+    return filled
 
 
 def _origin(center: float, side: int) -> int:

@@ -1,11 +1,13 @@
 """From decoded candidates to the next box: penalty, window, choice, update."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import numpy.typing as npt
 
 from nat2024.types import Floats
 from nat2024_trackers.siamese.crops import SearchWindow
-from nat2024_trackers.siamese.state import Constants, Step, Target
+from nat2024_trackers.siamese.state import Candidates, Constants, Step, Target
 
 SMALLEST_SIZE = 10.0
 """Width and height in image pixels that a tracked target never falls below."""
@@ -18,29 +20,35 @@ def cosine_window(constants: Constants) -> Floats:
 
 
 def penalties(
-    boxes: npt.NDArray[np.floating], target: Target, scale: float, constants: Constants
+    boxes: npt.NDArray[np.floating],
+    targets: Sequence[Target],
+    scales: Sequence[float],
+    constants: Constants,
 ) -> Floats:
-    """Penalty 0..1 of every candidate's change of scale and shape.
+    """Penalty 0..1, (n, k), of every candidate's change of scale and shape.
 
     Args:
-        boxes: (4, k), of which rows 2 and 3, width and height in crop pixels, are read.
-        target: the state before this frame.
-        scale: crop pixels a image pixel.
+        boxes: (n, 4, k), of which rows 2 and 3, width and height in crop pixels, are read.
+        targets: the states before this frame.
+        scales: crop pixels a image pixel.
         constants: of the tracker.
     """
     epsilon = constants.ratio_epsilon
-    size = _padded_size(np.float64(target.width * scale), np.float64(target.height * scale))
+    width, height = np.array([(target.width, target.height) for target in targets]).T[..., None]
+    scale = np.array(scales)[:, None]
+    widths, heights = boxes[:, 2], boxes[:, 3]
     with np.errstate(all="ignore"):
-        sizes = _padded_size(boxes[2], boxes[3]).astype(np.float64)
-        shapes = (boxes[2] / (boxes[3] + epsilon)).astype(np.float64)
+        sizes = _padded_size(widths, heights).astype(np.float64)
+        shapes = (widths / (heights + epsilon)).astype(np.float64)
+        size = _padded_size(width * scale, height * scale)
         scale_change = _change(sizes / size, epsilon)
-        shape_change = _change(target.width / (target.height + epsilon) / shapes, epsilon)
+        shape_change = _change(width / (height + epsilon) / shapes, epsilon)
         penalty: Floats = np.exp(-(shape_change * scale_change - 1) * constants.penalty_k)
     return penalty
 
 
 def _padded_size(
-    width: npt.NDArray[np.floating] | np.float64, height: npt.NDArray[np.floating] | np.float64
+    width: npt.NDArray[np.floating], height: npt.NDArray[np.floating]
 ) -> npt.NDArray[np.floating]:
     with np.errstate(all="ignore"):
         pad = (width + height) * 0.5
@@ -52,41 +60,46 @@ def _change(ratio: Floats, epsilon: float) -> Floats:
 
 
 def select(
-    scores: npt.NDArray[np.floating],
-    boxes: npt.NDArray[np.floating],
-    target: Target,
-    searched: SearchWindow,
+    found: Candidates,
+    targets: Sequence[Target],
+    searched: Sequence[SearchWindow],
     window: Floats,
-    frame_size: tuple[int, int],
+    frame_sizes: Sequence[tuple[int, int]],
     constants: Constants,
-) -> Step:
-    """Choose the best candidate of one sequence and move the target to it.
+) -> list[Step]:
+    """Choose the best candidate of each sequence and move its target there.
 
     Candidates whose penalised score or box is no finite number are never chosen (official code
     differs: `argmax` would take the first NaN and lose the state); without any other the target
     stays, with score 0 and index -1.
 
     Args:
-        scores: (k,) raw scores.
-        boxes: (4, k) centre offset, width and height in crop pixels.
-        target: the state before this frame.
-        searched: the search crop.
+        found: candidates of n sequences.
+        targets: the states before this frame.
+        searched: the search crops.
         window: (k,) from `cosine_window`.
-        frame_size: (width, height) of the frame.
+        frame_sizes: (width, height) of the frames.
         constants: of the tracker.
     """
-    penalty = penalties(boxes, target, searched.scale, constants)
+    scores, boxes = found.scores, found.boxes
+    penalty = penalties(boxes, targets, [one.scale for one in searched], constants)
     influence = constants.window_influence
     with np.errstate(all="ignore"):
         pscores = penalty * scores * (1 - influence) + window * influence
-    usable = np.isfinite(pscores) & np.isfinite(scores) & np.isfinite(boxes).all(axis=0)
-    if not usable.any():
-        return Step(target, 0.0, 0.0, -1, searched.side)
-    best = int(np.argmax(np.where(usable, pscores, -np.inf)))
-    score = float(scores[best])
-    rate = float(penalty[best]) * score * constants.learning_rate
-    moved = _move(target, boxes[:, best].astype(np.float64) / searched.scale, rate, frame_size)
-    return Step(moved, score, float(pscores[best]), best, searched.side)
+    usable = np.isfinite(pscores) & np.isfinite(scores) & np.isfinite(boxes).all(axis=1)
+    chosen = np.argmax(np.where(usable, pscores, -np.inf), axis=1).tolist()
+    steps = []
+    for row, best in enumerate(chosen):
+        target, side = targets[row], searched[row].side
+        if not usable[row, best]:
+            steps.append(Step(target, 0.0, 0.0, -1, side))
+            continue
+        score = float(scores[row, best])
+        rate = float(penalty[row, best]) * score * constants.learning_rate
+        box = boxes[row, :, best].astype(np.float64) / searched[row].scale
+        moved = _move(target, box, rate, frame_sizes[row])
+        steps.append(Step(moved, score, float(pscores[row, best]), best, side))
+    return steps
 
 
 def _move(target: Target, found: Floats, rate: float, frame_size: tuple[int, int]) -> Target:

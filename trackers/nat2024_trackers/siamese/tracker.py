@@ -24,7 +24,8 @@ from nat2024.errors import UsageError
 from nat2024.interfaces import BatchEnhancer, Scope, Tracker, load_weights, run_enhancer
 from nat2024.types import Box, Floats, Image
 from nat2024.zoo import WeightsSpec, find_weights
-from nat2024_trackers.siamese.crops import crop, mean_color, search_window, template_side
+from nat2024_trackers.siamese.batches import Crops
+from nat2024_trackers.siamese.crops import mean_color, search_window, template_side
 from nat2024_trackers.siamese.selection import cosine_window, select
 from nat2024_trackers.siamese.state import (
     Candidates,
@@ -109,10 +110,12 @@ class SiameseTracker(Tracker):
         self._compiled = _PartedNetwork(
             compile_parts(self.model, self.parts(), backends, device=device, precision=precision)
         )
+        self._replayed: tuple[Any, _PartedNetwork] | None = None
         self.decoder = decoder
         self.constants = constants
         self.enhance_template = enhance_template
         self.last_step: Step | None = None
+        self._crops = Crops(self.device)
         self._window: Floats = cosine_window(constants)
         self._first: FirstFrame | None = None
         self._target: Target | None = None
@@ -121,8 +124,17 @@ class SiameseTracker(Tracker):
     @property
     def network(self) -> SiameseNetwork:
         """What the loop runs: `model`, or what stands for it outside PyTorch."""
-        network: SiameseNetwork = self.model if self.backend == "torch" else self._compiled
-        return network
+        if self.backend != "torch":
+            return self._compiled
+        if self.device == "cpu":
+            network: SiameseNetwork = self.model
+            return network
+        if self._replayed is None or self._replayed[0] is not self.model:
+            from nat2024.networks.replaying import Replayed
+
+            parts = {name: Replayed(self.model, part.run) for name, part in self.parts().items()}
+            self._replayed = self.model, _PartedNetwork(parts)
+        return self._replayed[1]
 
     def parts(self) -> dict[str, Part]:
         """What another backend runs; sizes of crops are constants of the tracker."""
@@ -186,8 +198,8 @@ class SiameseTracker(Tracker):
         target = Target.from_annotation(box)
         side = template_side(target, self.constants)
         fill = mean_color(image)
-        template = crop(image, target, side, self.constants.exemplar_size, fill)
-        return FirstFrame(fill, side, self._embed([template])), target
+        template = self._crops.cut(self.constants.exemplar_size, [image], [target], [side], [fill])
+        return FirstFrame(fill, side, self._embed(template)), target
 
     def update_many(
         self, images: Sequence[Image], firsts: Sequence[FirstFrame], targets: Sequence[Target]
@@ -205,17 +217,15 @@ class SiameseTracker(Tracker):
             search_window(target, first, size, constants)
             for target, first, size in zip(targets, firsts, sizes, strict=True)
         ]
-        crops = [
-            crop(image, target, window.side, constants.instance_size, first.fill)
-            for image, target, window, first in zip(images, targets, windows, firsts, strict=True)
-        ]
+        crops = self._crops.cut(
+            constants.instance_size,
+            images,
+            targets,
+            [window.side for window in windows],
+            [first.fill for first in firsts],
+        )
         found = self.decoder(self._match([first.features for first in firsts], crops))
-        return [
-            select(scores, boxes, target, window, self._window, size, constants)
-            for scores, boxes, target, window, size in zip(
-                found.scores, found.boxes, targets, windows, sizes, strict=True
-            )
-        ]
+        return select(found, targets, windows, self._window, sizes, constants)
 
     def _match_once(self, image: Image, first: FirstFrame, target: Target) -> None:
         """Let the backend open the network, so that its time counts for the first frame.
@@ -225,9 +235,10 @@ class SiameseTracker(Tracker):
         import torch
 
         window = search_window(target, first, (image.shape[1], image.shape[0]), self.constants)
-        search = crop(image, target, window.side, self.constants.instance_size, first.fill)
+        size = self.constants.instance_size
+        search = self._crops.cut(size, [image], [target], [window.side], [first.fill])
         with torch.inference_mode():
-            self.network.match(first.features, self._pixels([search]))
+            self.network.match(first.features, self._pixels(search))
         self._has_matched = True
 
     def _started(self) -> tuple[FirstFrame, Target]:
@@ -236,7 +247,7 @@ class SiameseTracker(Tracker):
             raise UsageError(msg)
         return self._first, self._target
 
-    def _embed(self, crops: Sequence[Image]) -> Features:
+    def _embed(self, crops: "torch.Tensor") -> Features:
         import torch
 
         batch = self._batch(crops, enhanced=self.enhance_template)
@@ -244,7 +255,7 @@ class SiameseTracker(Tracker):
             features: Features = self.network.embed(batch)
         return features
 
-    def _match(self, features: Sequence[Features], crops: Sequence[Image]) -> Maps:
+    def _match(self, features: Sequence[Features], crops: "torch.Tensor") -> Maps:
         import torch
 
         batch = self._batch(crops, enhanced=True)
@@ -253,7 +264,7 @@ class SiameseTracker(Tracker):
             outputs = self.network.match(joined, batch)
         return tuple(output.float().cpu().numpy() for output in outputs)
 
-    def _batch(self, crops: Sequence[Image], *, enhanced: bool) -> "torch.Tensor":
+    def _batch(self, crops: "torch.Tensor", *, enhanced: bool) -> "torch.Tensor":
         """float32 (n, 3, side, side) in 0..255, BGR; enhanced crops are not rounded."""
         import torch
 
@@ -263,10 +274,10 @@ class SiameseTracker(Tracker):
         better = run_enhancer(self.enhancer, batch / 255.0, self.device)
         return better.to(device=batch.device, dtype=torch.float32) * 255.0
 
-    def _pixels(self, crops: Sequence[Image]) -> "torch.Tensor":
+    def _pixels(self, crops: "torch.Tensor") -> "torch.Tensor":
         import torch
 
-        pixels = torch.from_numpy(np.stack(crops)).to(self.device).permute(0, 3, 1, 2)
+        pixels = crops.to(self.device).permute(0, 3, 1, 2)
         return pixels.to(torch.float32, memory_format=torch.contiguous_format)
 
 
