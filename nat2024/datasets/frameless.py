@@ -8,6 +8,7 @@ from typing import NoReturn
 from nat2024.datasets.annotations import read_box_file
 from nat2024.datasets.layouts import (
     ATTRIBUTE_FOLDERS,
+    FRAME_FOLDERS,
     FoundSequence,
     Layout,
     SideFiles,
@@ -117,34 +118,44 @@ def find_annotation(folder: Path, depth: int = _DEPTH) -> Layout | None:
 
 
 def _beside(listing: Listing) -> Layout | None:
-    """Box files in a folder of a known name."""
+    """Box files in a folder of a known name, perhaps beside folders from which the images went."""
     side = SideFiles.of(listing)
-    found = _all_annotated(side)
-    left = tuple(sorted({*side.unused(set())}.difference(_stem(one) for one in found)))
+    folders = [one for frames in listing.inside(*FRAME_FOLDERS) for one in _children(frames)]
+    found = _all_absent(side, folders)
+    found += _all_annotated(side, {one.name for one in found})
     if not found:
         return None
+    left = tuple(sorted({*side.unused({one.name for one in found})}))
     words = side.words().removeprefix(" + ")
     return replace(make_layout("apart", listing.path, words, found), without_frames=left)
 
 
 def _each(listing: Listing) -> Layout | None:
     """A folder a sequence, with its box file."""
-    side = SideFiles.of(listing)
-    children = [(child, own_boxes(child)) for child in map(listing.child, listing.folders)]
-    looked = [side.sequence(child.path.name, child, own) for child, own in children if own]
-    found = [one for one in map(_if_absent, looked) if isinstance(one.frames, AbsentFrames)]
+    found = _all_absent(SideFiles.of(listing), _children(listing))
     return make_layout("each", listing.path, "NAME/*.txt", found) if found else None
 
 
 def _texts(listing: Listing) -> Layout | None:
     """The folder of box files itself."""
     attributes = listing.inside(*ATTRIBUTE_FOLDERS)
-    found = _all_annotated(SideFiles((listing,), (), attributes))
+    found = _all_annotated(SideFiles((listing,), (), attributes), set())
     return make_layout("apart", listing.path, "NAME.txt", found) if found else None
 
 
-def _all_annotated(side: SideFiles) -> list[FoundSequence]:
-    return [one for name in side.unused(set()) if (one := _annotated(side, name))]
+def _children(listing: Listing) -> list[Listing]:
+    return [listing.child(name) for name in listing.folders]
+
+
+def _all_absent(side: SideFiles, folders: list[Listing]) -> list[FoundSequence]:
+    """The sequences of these folders that have boxes but no frames."""
+    looked = [side.sequence(one.path.name, one, own_boxes(one)) for one in folders]
+    return [one for one in map(_if_absent, looked) if isinstance(one.frames, AbsentFrames)]
+
+
+def _all_annotated(side: SideFiles, known: set[str]) -> list[FoundSequence]:
+    """The sequences of all other box files."""
+    return [one for name in side.unused(known) if (one := _annotated(side, name))]
 
 
 def _stem(found: FoundSequence) -> str:

@@ -30,7 +30,7 @@ from nat2024.errors import DatasetIncomplete, DatasetNotFound
 Kind: TypeAlias = Literal["apart", "each", "single", "described"]
 
 TRAINING_CLIPS = "train_clip"
-_FRAMES = ("data_seq", "sequences", TRAINING_CLIPS)
+FRAME_FOLDERS = ("data_seq", "sequences", TRAINING_CLIPS)
 _BOXES = ("anno_revise", "anno", "annotation", "annotations")
 _KEYFRAMES = ("anno_keyframes",)
 ATTRIBUTE_FOLDERS = ("att", "attr", "attributes")
@@ -216,13 +216,13 @@ def _first_file(listings: tuple[Listing, ...], *names: str) -> Path | None:
 
 
 def _look(listing: Listing, depth: int) -> list[Layout]:
-    apart = listing.inside(*_FRAMES)
+    apart = listing.inside(*FRAME_FOLDERS)
     if apart:
         return _frames_apart(listing, apart[0])
     if _is_sequence(listing):
         return _single_sequence(listing)
     children = [listing.child(n) for n in listing.folders if n.lower() not in _NO_SEQUENCES]
-    wraps = any(child.inside(*_FRAMES) for child in children)
+    wraps = any(child.inside(*FRAME_FOLDERS) for child in children)
     here = [] if wraps else _one_folder_each(listing, children)
     if not here and not wraps and listing.images:
         here = _single_sequence(listing)

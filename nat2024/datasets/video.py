@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING, Any, SupportsIndex
 
 import numpy as np
 
-from nat2024.archives import split_path
 from nat2024.datasets.decoding import size_fault
+from nat2024.datasets.video_containers import check_container
 from nat2024.datasets.video_index import VideoIndex, kept_index
 from nat2024.errors import FrameUnreadable
 from nat2024.types import Image
@@ -32,7 +32,6 @@ _NEAR = 32  # frames that are rather stepped over than jumped
 _CHECKED_ROWS = 16  # every so many-th row goes into the checksum
 _SAME_MS = 0.01
 _OPEN_AT_ONCE = 4
-_ATOMS = (b"ftyp", b"moov", b"mdat", b"wide", b"free", b"skip", b"pnot")
 
 
 class VideoFrames:
@@ -75,7 +74,7 @@ class VideoFrames:
         """
         with self._lock:
             if self._index is None:
-                _check_container(self.path)
+                check_container(self.path)
                 self._index = kept_index(self.path, _decode_all)
             return self._index
 
@@ -257,7 +256,7 @@ def open_video(path: Path) -> "cv2.VideoCapture":
     Raises:
         FrameUnreadable: it is no mp4, mov, avi, webm or mkv, or cannot be decoded; names it.
     """
-    _check_container(path)
+    check_container(path)
     return _open(path)
 
 
@@ -278,23 +277,6 @@ def _open(path: Path) -> "cv2.VideoCapture":
         raise FrameUnreadable(msg)
     capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)
     return capture
-
-
-def _check_container(path: Path) -> None:
-    """Refuse what is no container of these kinds: FFmpeg would also follow lists of other files."""
-    if split_path(path):
-        msg = f"{path}: videos are not read out of an archive; unpack it"
-        raise FrameUnreadable(msg)
-    try:
-        with path.open("rb") as file:
-            start = file.read(12)
-    except OSError as error:
-        msg = f"{path}: cannot be read ({error.strerror})"
-        raise FrameUnreadable(msg) from None
-    is_avi = start[:4] == b"RIFF" and start[8:] == b"AVI "
-    if not (is_avi or start[:4] == b"\x1aE\xdf\xa3" or start[4:8] in _ATOMS):
-        msg = f"{path}: no video, it begins like no mp4, mov, avi, webm or mkv; get this file again"
-        raise FrameUnreadable(msg)
 
 
 def _time(capture: "cv2.VideoCapture") -> float:

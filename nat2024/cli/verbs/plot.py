@@ -1,5 +1,6 @@
 """`nat-bench plot`: scores as a paper draws them."""
 
+import functools
 from collections.abc import Collection, Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -128,6 +129,7 @@ def _read_formats(text: str) -> tuple[str, ...]:
 def _job(scoring: Scoring, evaluation: "Evaluation", wanted: "Wanted") -> "Job":
     from nat2024.cli.plotting.jobs import Job
 
+    @functools.cache  # so that remarks on it are made once
     def dataset() -> "Dataset | None":
         from nat2024.datasets import load_dataset
         from nat2024.errors import NatBenchError

@@ -113,10 +113,19 @@ def test_an_archive_of_annotation(tmp_path: Path, make: Any) -> None:
     assert lengths(load(tmp_path / "boxes.zip")) == {"a": 3}
 
 
-def test_flags_go_with_the_boxes(tmp_path: Path, make: Any) -> None:
-    make.rows(tmp_path / "a" / "groundtruth.txt", 3)
-    (tmp_path / "a" / "cover.label").write_text("8\n0\n3\n")
+@pytest.mark.parametrize(
+    ("boxes", "flags"),
+    [("a/groundtruth.txt", "a"), ("anno/a.txt", "data_seq/a"), ("anno/a.txt", "sequences/a")],
+)
+def test_flags_stay_where_only_the_images_went(
+    tmp_path: Path, make: Any, boxes: str, flags: str
+) -> None:
+    make.rows(tmp_path / boxes, 3)
+    (tmp_path / flags).mkdir(parents=True, exist_ok=True)
+    (tmp_path / flags / "cover.label").write_text("8\n0\n3\n")
     assert load(tmp_path)["a"].visible.tolist() == [True, False, True]
+    make.rows(tmp_path / "anno" / "b.txt", 4)
+    assert lengths(load(tmp_path)) == {"a": 3, "b": 4} if boxes.startswith("anno") else {"b": 4}
 
 
 def test_neither_boxes_nor_frames(tmp_path: Path) -> None:
