@@ -9,7 +9,8 @@ from nat2024.backends.files import ExportedPart, write_onnx
 from nat2024.backends.parts import CompiledPart, Part, Recorder, all_in_torch, compile_parts
 from nat2024.backends.runtimes import (
     BACKENDS,
-    FASTEST_FIRST,
+    ONNXRUNTIME_FIRST,
+    OPENVINO_FIRST,
     PRECISIONS,
     TORCH_FIRST,
     BackendName,
@@ -21,7 +22,8 @@ from nat2024.backends.runtimes import (
 
 __all__ = [
     "BACKENDS",
-    "FASTEST_FIRST",
+    "ONNXRUNTIME_FIRST",
+    "OPENVINO_FIRST",
     "PRECISIONS",
     "TORCH_FIRST",
     "BackendName",

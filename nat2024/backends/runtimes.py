@@ -35,11 +35,14 @@ _PACKAGES: dict[BackendName, str] = {
 _PROVIDERS = {"cuda": "CUDAExecutionProvider", "tensorrt": "TensorrtExecutionProvider"}
 
 # Fixed orders, not timed ones: the same installation must always give the same bytes.
-FASTEST_FIRST: tuple[BackendName, ...] = ("openvino", "onnxruntime", "torch")
+OPENVINO_FIRST: tuple[BackendName, ...] = ("openvino", "onnxruntime", "torch")
 """What "auto" tries on a CPU, for networks that tell no order of their own."""
 
+ONNXRUNTIME_FIRST: tuple[BackendName, ...] = ("onnxruntime", "torch", "openvino")
+"""Likewise for networks so small that a call of OpenVINO costs more than it saves."""
+
 TORCH_FIRST: tuple[BackendName, ...] = ("torch", "onnxruntime", "openvino")
-"""Likewise for networks so small that PyTorch is the fastest."""
+"""Likewise for networks of many channels, which multiply less there (`networks.winograd`)."""
 
 _FASTEST_ON_CUDA: tuple[BackendName, ...] = ("tensorrt", "torch")
 
@@ -70,7 +73,7 @@ def backends_of(
     wish: BackendWish,
     device: str,
     precision: Precision = "float32",
-    fastest: Sequence[BackendName] = FASTEST_FIRST,
+    fastest: Sequence[BackendName] = OPENVINO_FIRST,
 ) -> tuple[BackendName, ...]:
     """The backends to try for a wish, in their order; more than one only for "auto".
 

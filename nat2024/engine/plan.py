@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
-from nat2024.backends import FASTEST_FIRST, BackendWish, Precision, backends_of
+from nat2024.backends import OPENVINO_FIRST, BackendWish, Precision, backends_of
 from nat2024.engine.sharing import SharedFrames
 from nat2024.engine.timing import TimedEnhancer
 from nat2024.errors import UsageError
@@ -174,7 +174,7 @@ def _spec_as_begun(spec: PluginSpec, kind: Kind, stored: PluginRecord, device: s
     if spec.options.get("backend") != "auto":
         return spec
     begun = stored.options.get("backend", "torch")
-    fastest = getattr(load_plugin(spec.name, kind), "fastest_backends", FASTEST_FIRST)
+    fastest = getattr(load_plugin(spec.name, kind), "fastest_backends", OPENVINO_FIRST)
     precision = spec.options.get("precision", "float32")
     if begun == backends_of("auto", device, precision, fastest)[0]:
         return spec  # as before, what takes over from it included

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from nat2024.backends import (
-    FASTEST_FIRST,
+    OPENVINO_FIRST,
     BackendName,
     BackendWish,
     ExportedPart,
@@ -53,7 +53,7 @@ class NeuralEnhancer(Enhancer, ABC):
 
     stride: int = 1
     can_replay: ClassVar[bool] = False
-    fastest_backends: ClassVar[tuple[BackendName, ...]] = FASTEST_FIRST
+    fastest_backends: ClassVar[tuple[BackendName, ...]] = OPENVINO_FIRST
     image_order: ClassVar[Literal["rgb", "bgr"]] = "rgb"
 
     def __init__(

@@ -8,7 +8,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from nat2024.networks.folding import Derived, may_derive
+from nat2024.networks.folding import Derived, fold_batch_norm, may_derive
 from nat2024.networks.winograd import WinogradConvolution
 
 _KERNELS = (3, 5)
@@ -32,7 +32,7 @@ def plain_convolutions() -> Iterator[None]:
 
 
 class Convolution:
-    """A convolution without groups whose weights stay as they are; for inference.
+    """A convolution whose weights stay as they are; for inference.
 
     Channels-last, which is faster on a CPU, and there in Winograd's form where that saves time: in
     float32, with stride 1, many channels and kernels of 3 or 5. Its numbers differ by rounding
@@ -45,37 +45,64 @@ class Convolution:
         bias: Tensor | None = None,
         stride: tuple[int, ...] | int = 1,
         padding: tuple[int, ...] | int = 0,
+        dilation: tuple[int, ...] | int = 1,
+        groups: int = 1,
     ) -> None:
         """Take the weights.
 
         Args:
-            weight: (channels out, channels in, height, width) of the kernel.
+            weight: (channels out, channels in / groups, height, width) of the kernel.
             bias: (channels out,).
             stride: of both dimensions, or of each.
             padding: zeros on each side, likewise.
+            dilation: distance between a kernel's taps, likewise.
+            groups: into how many the channels are divided.
         """
         self.weight = weight.detach().contiguous(memory_format=torch.channels_last)
         self.bias = None if bias is None else bias.detach()
-        self.stride, self.padding = _pair(stride), _pair(padding)
-        self._may_transform = _has_few_products(self.weight, self.stride, self.padding)
+        self.stride, self.padding, self.dilation = map(_pair, (stride, padding, dilation))
+        self.groups = groups
+        self._may_transform = self._has_winograd_form()
         self._transformed: WinogradConvolution | None = None
 
     @classmethod
-    def of(cls, layer: nn.Conv2d) -> "Convolution":
-        """The convolution of a layer without groups, dilation or padding by name."""
+    def of(cls, layer: nn.Conv2d, norm: nn.BatchNorm2d | None = None) -> "Convolution":
+        """The convolution of a layer that pads with zeros, with the norm after it in eval mode."""
         assert not isinstance(layer.padding, str)
-        return cls(layer.weight, layer.bias, layer.stride, layer.padding)
+        folded = (layer.weight, layer.bias) if norm is None else fold_batch_norm(layer, norm)
+        return cls(*folded, layer.stride, layer.padding, layer.dilation, layer.groups)
 
     def __call__(self, maps: Tensor) -> Tensor:
         """From (n, channels in, h, w) to (n, channels out, ...), channels-last."""
         if not self._may_transform or _is_plain.get() or not self._pays(maps):
             maps = maps.contiguous(memory_format=torch.channels_last)
-            return F.conv2d(maps, self.weight, self.bias, self.stride, self.padding)
+            return F.conv2d(
+                maps,
+                self.weight,
+                self.bias,
+                self.stride,
+                self.padding,
+                self.dilation,
+                self.groups,
+            )
         if self._transformed is None:
             # Ordinary tensors, whatever mode asks first.
             with torch.inference_mode(mode=False), torch.no_grad():
                 self._transformed = WinogradConvolution(self.weight, self.bias)
         return self._transformed(maps, self.padding[0])
+
+    def _has_winograd_form(self) -> bool:
+        """Whether there is one, and enough channels for it to pay."""
+        channels_out, channels_in, height, width = self.weight.shape
+        return (
+            height == width
+            and height in _KERNELS
+            and self.stride == self.dilation == (1, 1)
+            and self.padding[0] == self.padding[1]
+            and self.groups == 1
+            and self.weight.dtype == torch.float32
+            and channels_in * channels_out >= _CHANNELS
+        )
 
     def _pays(self, maps: Tensor) -> bool:
         height, width = (
@@ -118,19 +145,6 @@ def _pair(value: tuple[int, ...] | int) -> tuple[int, int]:
     both = (value, value) if isinstance(value, int) else value
     vertical, horizontal = both
     return vertical, horizontal
-
-
-def _has_few_products(weight: Tensor, stride: tuple[int, int], padding: tuple[int, int]) -> bool:
-    """Whether Winograd's form exists for a convolution, and has enough channels to pay."""
-    channels_out, channels_in, height, width = weight.shape
-    return (
-        height == width
-        and height in _KERNELS
-        and stride == (1, 1)
-        and padding[0] == padding[1]
-        and weight.dtype == torch.float32
-        and channels_in * channels_out >= _CHANNELS
-    )
 
 
 def convolve_pair(layer: nn.Conv2d, first: Tensor, second: Tensor) -> Tensor:

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, cast
 
-from nat2024.backends import TORCH_FIRST
+from nat2024.backends import ONNXRUNTIME_FIRST
 from nat2024.cards import read_card
 from nat2024.errors import ArrayContract, InvalidOption
 from nat2024.interfaces import NeuralEnhancer
@@ -24,7 +24,7 @@ class DCEpp(NeuralEnhancer):
     """
 
     card = read_card("nat2024_enhancers.dcepp")
-    fastest_backends = TORCH_FIRST
+    fastest_backends = ONNXRUNTIME_FIRST
     training_settings = DCEppSettings()
     training_presets: ClassVar[Mapping[str, Mapping[str, Any]]] = PRESETS
 

@@ -2,6 +2,7 @@
 
 from typing import TYPE_CHECKING, cast
 
+from nat2024.backends import TORCH_FIRST
 from nat2024.cards import read_card
 from nat2024.interfaces import NeuralEnhancer
 from nat2024.registry import register_enhancer
@@ -22,6 +23,7 @@ class EnlightenGAN(NeuralEnhancer):
     """
 
     card = read_card("nat2024_enhancers.enlightengan")
+    fastest_backends = TORCH_FIRST
 
     def build(self) -> "EnlightenGANNet":
         """The network, with the official checkpoint's keys."""

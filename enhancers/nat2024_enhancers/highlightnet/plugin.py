@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar, cast
 
-from nat2024.backends import TORCH_FIRST, Part
+from nat2024.backends import ONNXRUNTIME_FIRST, Part
 from nat2024.cards import read_card
 from nat2024.interfaces import NeuralEnhancer
 from nat2024.registry import register_enhancer
@@ -25,7 +25,7 @@ class HighlightNet(NeuralEnhancer):
     """
 
     card = read_card("nat2024_enhancers.highlightnet")
-    fastest_backends = TORCH_FIRST
+    fastest_backends = ONNXRUNTIME_FIRST
     training_settings = HighlightNetSettings()
     training_presets: ClassVar[Mapping[str, Mapping[str, Any]]] = PRESETS
 

@@ -4,6 +4,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, cast
 
+from nat2024.backends import TORCH_FIRST
 from nat2024.cards import read_card
 from nat2024.errors import ArrayContract, InvalidOption
 from nat2024.interfaces import NeuralEnhancer
@@ -26,6 +27,7 @@ class KindPlusPlus(NeuralEnhancer):
     """
 
     card = read_card("nat2024_enhancers.kindpp")
+    fastest_backends = TORCH_FIRST
     stride = 4
 
     def __init__(

@@ -2,6 +2,7 @@
 
 from typing import TYPE_CHECKING, ClassVar, Literal, cast
 
+from nat2024.backends import TORCH_FIRST
 from nat2024.cards import read_card
 from nat2024.interfaces import NeuralEnhancer
 from nat2024.registry import register_enhancer
@@ -20,6 +21,7 @@ class LLVE(NeuralEnhancer):
     """
 
     card = read_card("nat2024_enhancers.llve")
+    fastest_backends = TORCH_FIRST
     image_order: ClassVar[Literal["rgb", "bgr"]] = "bgr"
 
     def build(self) -> "LLVENet":

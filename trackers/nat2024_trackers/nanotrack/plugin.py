@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import msgspec
 
-from nat2024.backends import ExportedPart
+from nat2024.backends import OPENVINO_FIRST, ExportedPart
 from nat2024.cards import Card, read_card
 from nat2024.errors import UsageError, WeightsMismatch
 from nat2024.files import expand
@@ -35,6 +35,7 @@ class NanoTrack(SiameseTracker):
     """
 
     card: ClassVar[Card] = read_card("nat2024_trackers.nanotrack")
+    fastest_backends = OPENVINO_FIRST
 
     def __init__(
         self,

@@ -11,7 +11,7 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 from nat2024.networks.convolving import Convolution
-from nat2024.networks.folding import Derived, fold_batch_norm, may_derive
+from nat2024.networks.folding import Derived, may_derive
 
 Layer: TypeAlias = tuple[nn.Conv2d, nn.BatchNorm2d]
 
@@ -51,10 +51,7 @@ class AlexNetStages(nn.Module):
         folded = self._folded() if may_derive(self) else None
         features, found = crops, []
         for number, (convolution, norm) in enumerate(self.layers):
-            if folded:
-                features = folded[number](features)
-            else:
-                features = norm(convolution(features))
+            features = folded[number](features) if folded else norm(convolution(features))
             if number < _POOLED:
                 features = F.max_pool2d(features, 3, stride=2)
             if number < len(_KERNELS) - 1:
@@ -63,10 +60,7 @@ class AlexNetStages(nn.Module):
         return found
 
     def _fold(self) -> list[Convolution]:
-        return [
-            Convolution(*fold_batch_norm(convolution, norm), convolution.stride)
-            for convolution, norm in self.layers
-        ]
+        return [Convolution.of(convolution, norm) for convolution, norm in self.layers]
 
 
 class AlexNet(AlexNetStages):

@@ -4,7 +4,7 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 from nat2024.networks.convolving import Convolution
-from nat2024.networks.folding import Derived, fold_batch_norm, may_derive
+from nat2024.networks.folding import Derived, may_derive
 
 _GROUPS = 32
 
@@ -44,10 +44,8 @@ class Layers(nn.Sequential):
         for number, layer in enumerate(self):
             if isinstance(layer, nn.Conv2d):
                 follower = layers[number + 1]
-                folded = (layer.weight, layer.bias)
-                if isinstance(follower, nn.BatchNorm2d):
-                    folded = fold_batch_norm(layer, follower)
-                found[number] = Convolution(*folded, layer.stride, layer.padding)
+                norm = follower if isinstance(follower, nn.BatchNorm2d) else None
+                found[number] = Convolution.of(layer, norm)
         return found
 
 

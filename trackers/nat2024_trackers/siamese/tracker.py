@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from nat2024.backends import (
-    FASTEST_FIRST,
+    TORCH_FIRST,
     BackendName,
     BackendWish,
     ExportedPart,
@@ -74,7 +74,7 @@ class SiameseTracker(Tracker):
         last_step: outcome of the latest `update`, None right after `init`.
     """
 
-    fastest_backends: ClassVar[tuple[BackendName, ...]] = FASTEST_FIRST
+    fastest_backends: ClassVar[tuple[BackendName, ...]] = TORCH_FIRST
 
     def __init__(
         self,

@@ -2,6 +2,8 @@
 
 from torch import Tensor, nn
 
+from nat2024_trackers.siamese.layers import Layers
+
 WIDTH = 1.4
 
 # expansion, channels before widening, blocks, stride, dilation
@@ -33,7 +35,7 @@ class InvertedResidual(nn.Module):
         inner = channels_in * expansion
         padding = dilation if dilation > 1 else 2 - stride
         self.has_shortcut = stride == 1 and channels_in == channels_out
-        self.conv = nn.Sequential(
+        self.conv = Layers(
             nn.Conv2d(channels_in, inner, 1, bias=False),
             nn.BatchNorm2d(inner),
             nn.ReLU6(inplace=True),
@@ -59,7 +61,7 @@ class MobileNetV2(nn.Module):
         """Build with fresh weights."""
         super().__init__()
         channels = widened(32)
-        self.layer0 = nn.Sequential(
+        self.layer0 = Layers(
             nn.Conv2d(3, channels, 3, stride=2, bias=False),
             nn.BatchNorm2d(channels),
             nn.ReLU6(inplace=True),

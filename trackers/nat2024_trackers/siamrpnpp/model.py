@@ -124,7 +124,7 @@ class AdjustLayer(nn.Module):
     def __init__(self, channels_in: int, channels_out: int) -> None:
         """Build with fresh weights."""
         super().__init__()
-        self.downsample = nn.Sequential(
+        self.downsample = Layers(
             nn.Conv2d(channels_in, channels_out, 1, bias=False), nn.BatchNorm2d(channels_out)
         )
 

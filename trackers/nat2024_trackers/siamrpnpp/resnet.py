@@ -1,6 +1,11 @@
 """ResNet-50 with dilations instead of the last two strides, as pysot uses it (stride 8)."""
 
+import torch.nn.functional as F
 from torch import Tensor, nn
+
+from nat2024.networks.convolving import Convolution
+from nat2024.networks.folding import Derived, may_derive
+from nat2024_trackers.siamese.layers import Layers
 
 
 class Bottleneck(nn.Module):
@@ -28,15 +33,23 @@ class Bottleneck(nn.Module):
         self.bn3 = nn.BatchNorm2d(wide)
         self.relu = nn.ReLU(inplace=True)
         self.downsample = downsample
+        self._folded = Derived(self, self._fold)
 
     def forward(self, x: Tensor) -> Tensor:
         """(n, c, h, w) to (n, 4 * channels, h', w')."""
+        shortcut = x if self.downsample is None else self.downsample(x)
+        if may_derive(self):
+            first, second, third = self._folded()
+            return F.relu_(third(F.relu_(second(F.relu_(first(x))))).add_(shortcut))
         out = self.relu(self.bn1(self.conv1(x)))
         out = self.relu(self.bn2(self.conv2(out)))
         out = self.bn3(self.conv3(out))
-        shortcut = x if self.downsample is None else self.downsample(x)
         result: Tensor = self.relu(out + shortcut)
         return result
+
+    def _fold(self) -> list[Convolution]:
+        pairs = ((self.conv1, self.bn1), (self.conv2, self.bn2), (self.conv3, self.bn3))
+        return [Convolution.of(convolution, norm) for convolution, norm in pairs]
 
 
 class ResNet50(nn.Module):
@@ -70,7 +83,7 @@ def _layer(
     """Blocks of one layer; the first halves the dilation and has a convolution as shortcut."""
     wide = channels * Bottleneck.expansion
     first_dilation = max(1, dilation // 2)
-    downsample = nn.Sequential(_shortcut(channels_in, wide, stride, dilation), nn.BatchNorm2d(wide))
+    downsample = Layers(_shortcut(channels_in, wide, stride, dilation), nn.BatchNorm2d(wide))
     first = Bottleneck(channels_in, channels, stride, first_dilation, downsample)
     rest = (Bottleneck(wide, channels, dilation=dilation) for _ in range(blocks - 1))
     return nn.Sequential(first, *rest)
