@@ -3,7 +3,7 @@
     python -m benchmarks.fuzz [--seconds 60] [--target NAME] [--engine hypothesis|atheris]
 
 Each target gets an equal share of the time, in a process of its own with limited memory, so that
-crashes of native libraries and floods of memory are found too. What is found is written to
+crashes and hangs of native libraries and floods of memory are found too. What is found is in
 `.cache/fuzz/TARGET-DIGEST` and named at the end with its error; exit status 1 says that there is
 something. `atheris` (coverage-guided, `pip install atheris`) is used where it is installed.
 """
@@ -24,6 +24,10 @@ from benchmarks.fuzz.targets import TARGETS, quiet
 
 _OUT = Path(".cache/fuzz")
 _BATCH = 200
+_SLOW_SECONDS = 20.0
+"""A small file that takes longer is a fault."""
+
+_GRACE_SECONDS = 60.0
 
 
 def main() -> int:
@@ -70,7 +74,13 @@ def _apart(name: str, asked: argparse.Namespace, seconds: float) -> list[str]:
     words += ["--seconds", str(seconds), "--engine", asked.engine, "--seed", str(asked.seed)]
     words += ["--memory", str(asked.memory)]
     start = time.monotonic()
-    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    try:
+        done = subprocess.run(
+            words, capture_output=True, text=True, check=False, timeout=seconds + _GRACE_SECONDS
+        )
+    except subprocess.TimeoutExpired:
+        print(f"{name:20} {asked.engine:10} {time.monotonic() - start:6.1f} s hangs")
+        return [f"fault {name}: hangs; {_OUT / f'{name}-last'}"]
     lines = [line for line in done.stdout.splitlines() if line.startswith("fault ")]
     tries = re.findall(r"^tries (\d+)", done.stdout, re.M) or re.findall(
         r"Done (\d+) runs", done.stderr
@@ -108,10 +118,13 @@ def _attempt(name: str, data: bytes, found: dict[str, bytes]) -> None:
     """Call a target; the smallest file of each kind of fault is kept."""
     from nat2024.errors import NatBenchError
 
+    start = time.monotonic()
     try:
-        TARGETS[name](data)
-    except NatBenchError:
-        return
+        with contextlib.suppress(NatBenchError):
+            TARGETS[name](data)
+        if time.monotonic() - start > _SLOW_SECONDS:
+            msg = f"took {time.monotonic() - start:.0f} s"
+            raise TimeoutError(msg)
     except Exception as error:
         last = traceback.extract_tb(error.__traceback__)[-1]
         where = f"{type(error).__name__} at {Path(last.filename).name}:{last.lineno}: {error}"[:200]

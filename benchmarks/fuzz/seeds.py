@@ -1,10 +1,16 @@
 """Well-formed files of every kind to begin from; small, made here, equal in every run."""
 
+import functools
+import importlib.util
 import io
 import json
 import struct
+import tempfile
 import zipfile
 import zlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
 _MANIFEST = {
     "dataset": {"name": "night"},
@@ -51,6 +57,8 @@ _RECORD = {
 }
 _TEXT = b"1,2,3,4\n5.5\t6 7;8\n"
 _DEEP = 20_000
+MUCH = 2**28
+"""Samples that greedy videos claim: 6 GB of FFmpeg's memory."""
 
 
 def _json(value: object) -> bytes:
@@ -103,7 +111,7 @@ def archive(members: dict[str, bytes]) -> bytes:
     return raw.getvalue()
 
 
-def png(width: int, height: int, data: bytes = b"\0" * 28) -> bytes:
+def png(width: int, height: int, data: bytes = bytes(30)) -> bytes:
     """A PNG file whose header may claim anything."""
 
     def chunk(kind: bytes, body: bytes) -> bytes:
@@ -124,12 +132,85 @@ def bitmap() -> bytes:
     )  # fmt: skip
 
 
-def jpeg() -> bytes:
-    """A JPEG file of 8 x 8 pixels."""
+def encoded(ending: str, *options: int) -> bytes:
+    """An image file of 9 x 8 pixels that OpenCV writes: a ramp, so that its data is not trivial."""
     import cv2
     import numpy as np
 
-    return bytes(cv2.imencode(".jpg", np.zeros((8, 8, 3), np.uint8))[1])
+    ramp = np.arange(9 * 8 * 3, dtype=np.uint8).reshape(8, 9, 3)
+    return bytes(cv2.imencode(ending, ramp, options)[1])
+
+
+def images() -> tuple[bytes, ...]:
+    """Image files of each kind that is decoded, two that claim too much, one that is cut."""
+    import cv2
+
+    return (
+        png(3, 3),
+        png(50_000, 50_000),
+        bitmap(),
+        encoded(".jpg"),
+        encoded(".jpg", cv2.IMWRITE_JPEG_PROGRESSIVE, 1, cv2.IMWRITE_JPEG_RST_INTERVAL, 1),
+        encoded(".png"),
+        encoded(".webp"),
+        encoded(".webp", cv2.IMWRITE_WEBP_QUALITY, 101),
+        b"RIFF\x10\0\0\0WEBPVP8 ",
+    )
+
+
+@functools.cache
+def videos() -> tuple[bytes, ...]:
+    """Videos of 4 frames of 32 x 32 pixels: VP8, Motion JPEG, MPEG-4, FFV1, and H.264 if there."""
+    from nat2024.datasets.mp4_writing import Mp4File
+    from nat2024.datasets.video_writing import VideoFile
+
+    found = [_video(".webm", VideoFile)]
+    for codec, ending in (("MJPG", ".avi"), ("mp4v", ".mp4"), ("FFV1", ".mkv")):
+        found.append(_video(ending, functools.partial(_OpenCVFile, codec)))
+    if importlib.util.find_spec("imageio_ffmpeg"):
+        found.append(_video(".mp4", Mp4File))
+    return tuple(found)
+
+
+def greedy_videos() -> tuple[bytes, ...]:
+    """MP4 files whose tables claim `MUCH` samples of one byte, all in the first chunk."""
+    found = []
+    for video in videos():
+        if b"stsz" in video:
+            data = bytearray(video)
+            struct.pack_into(">II", data, data.index(b"stsz") + 8, 1, MUCH)
+            struct.pack_into(">I", data, data.index(b"stsc") + 16, MUCH)
+            found.append(bytes(data))
+    return tuple(found)
+
+
+def _video(ending: str, kind: Callable[[Path, tuple[int, int], float], Any]) -> bytes:
+    import numpy as np
+
+    ramp = np.add.outer(np.arange(32), np.arange(32))[..., None] + np.array([0, 60, 120])
+    with tempfile.TemporaryDirectory(prefix="nat-bench-fuzz-") as folder:
+        path = Path(folder) / f"night{ending}"
+        with kind(path, (32, 32), 30.0) as file:
+            for number in range(4):
+                file.write((ramp + 20 * number).astype(np.uint8))
+        return path.read_bytes()
+
+
+class _OpenCVFile:
+    """A video in a codec that nat-bench reads and does not write."""
+
+    def __init__(self, codec: str, path: Path, size: tuple[int, int], rate: float) -> None:
+        import cv2
+
+        code = cv2.VideoWriter.fourcc(*codec)
+        self._writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, code, rate, size)
+        self.write = self._writer.write
+
+    def __enter__(self) -> "_OpenCVFile":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._writer.release()
 
 
 def pytorch(*, old: bool = False) -> bytes:
@@ -165,7 +246,8 @@ def seeds_of(target: str) -> tuple[bytes, ...]:
         "meta": (b"[METAINFO]\nobject_class: car\nanno_fps: 10Hz\nresolution: (8, 8)\n",),
         "absence": (b"0\n1\n",),
         "labels": (b"sequence,provenance,FM\na,published,1\n",),
-        "image": (png(3, 3), png(50_000, 50_000), bitmap(), jpeg(), b"RIFF\x10\0\0\0WEBPVP8 "),
+        "image": images(),
+        "video": (*videos(), *greedy_videos()),
         "configuration": (b'root = "/data"\n[roots]\nuavdark135 = "x"', b"root = " + b"[" * _DEEP),
         "pytorch": (pytorch(), pytorch(old=True)),
         "training_checkpoint": (pytorch(),),

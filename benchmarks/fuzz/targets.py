@@ -10,7 +10,11 @@ import os
 import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 from unittest import mock
+
+if TYPE_CHECKING:
+    from nat2024.types import Image
 
 Target = Callable[[bytes], object]
 _BOXES = "1,2,3,4\n5,6,7,8\n"
@@ -125,10 +129,44 @@ def _dataset_file(name: str) -> Target:
 
 
 def image(data: bytes) -> object:
-    """A frame."""
-    from nat2024.datasets.decoding import decode_image
+    """A frame, whole and reduced; what it gives is an image of the size in its header."""
+    from nat2024.datasets.decoding import decode_image, image_size
 
-    return decode_image(data, "frame")
+    whole, quarter = decode_image(data, "frame"), decode_image(data, "frame", 4)
+    _check_pixels(whole)
+    _check_pixels(quarter)
+    stated = image_size(data)
+    assert stated in (None, whole.shape[1::-1]), stated
+    return whole
+
+
+def video(data: bytes) -> object:
+    """A video: as a sequence, whose frames are read in any order, and as a source of `track`."""
+    from nat2024.datasets.video import VideoFrames
+    from nat2024.live import open_source
+
+    with _folder() as folder:
+        path = folder / "night.mp4"
+        path.write_bytes(data)
+        with open_source(str(path)) as source:
+            while (frame := source.read()) is not None:
+                _check_pixels(frame)
+        frames = VideoFrames(path)
+        try:
+            for number in (0, len(frames) - 1, len(frames) // 2):
+                _check_pixels(frames[number])
+                assert frames[number].shape[1::-1] == frames.frame_size
+        finally:
+            frames.close()
+    return None
+
+
+def _check_pixels(frame: "Image") -> None:
+    """What every reader of frames promises."""
+    assert frame.dtype == "uint8", frame.dtype
+    assert frame.ndim == 3, frame.shape
+    assert frame.shape[2] == 3, frame.shape
+    assert frame.size > 0, frame.shape
 
 
 def configuration(data: bytes) -> object:
@@ -250,6 +288,7 @@ TARGETS: dict[str, Target] = {
     "annotation": _dataset_file("car1/groundtruth.txt"),
     "labels": labels,
     "image": image,
+    "video": video,
     "configuration": configuration,
     "pytorch": _checkpoint("model.pth"),
     "safetensors": _checkpoint("model.safetensors"),

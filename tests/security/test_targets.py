@@ -9,9 +9,9 @@ import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 
 from benchmarks.fuzz.mutations import near
-from benchmarks.fuzz.seeds import seeds_of
+from benchmarks.fuzz.seeds import MUCH, greedy_videos, seeds_of, videos
 from benchmarks.fuzz.targets import TARGETS
-from nat2024.errors import NatBenchError
+from nat2024.errors import FrameUnreadable, NatBenchError
 
 # Each call writes files, so few examples; `python -m benchmarks.fuzz` tries as many as you like.
 EXAMPLES = 8
@@ -51,6 +51,16 @@ def test_broken_files_are_read_or_refused(name: str) -> None:
     read()
 
 
-@pytest.mark.parametrize("name", ["boxes", "manifest", "index", "safetensors", "matlab"])
+def test_videos_are_decoded_and_those_that_claim_too_much_refused() -> None:
+    assert len(videos()) >= 4
+    for data in videos():
+        TARGETS["video"](data)
+    assert greedy_videos()
+    for data in greedy_videos():
+        with pytest.raises(FrameUnreadable, match=f"claims {MUCH} samples in {len(data)} bytes"):
+            TARGETS["video"](data)
+
+
+@pytest.mark.parametrize("name", ["boxes", "manifest", "index", "safetensors", "matlab", "image"])
 def test_the_first_seed_is_well_formed(name: str) -> None:
     TARGETS[name](seeds_of(name)[0])
