@@ -6,7 +6,6 @@ They are listed in any case; without that build, creating one says what is missi
 from typing import Any, ClassVar
 
 from nat2024.cards import Card
-from nat2024.interfaces import BatchEnhancer, Scope
 from nat2024.registry import register_tracker
 from nat2024_trackers.opencv.base import OpenCVFailure, OpenCVTracker
 
@@ -31,24 +30,16 @@ class ContribTracker(OpenCVTracker):
 
     opencv_class: ClassVar[str]
 
-    def __init__(
-        self,
-        *,
-        enhancer: BatchEnhancer | None = None,
-        device: str = "cpu",
-        scope: Scope | None = None,
-    ) -> None:
+    def __init__(self, **base: Any) -> None:
         """Make sure that this build of OpenCV has the tracker.
 
         Args:
-            enhancer: anything with `enhance_batch`; sees whole frames.
-            device: for the enhancer; the tracker itself runs on the CPU.
-            scope: only "frame".
+            base: `enhancer`, `device`, `scope`, of which there is only "frame".
 
         Raises:
             OpenCVFailure: it has not; says which package has.
         """
-        super().__init__(enhancer=enhancer, device=device, scope=scope)
+        super().__init__(**base)
         self._find_class()
 
     def make(self) -> Any:

@@ -7,7 +7,6 @@ import msgspec
 
 from nat2024.cards import Card, WeightsFile, read_card
 from nat2024.errors import WeightsMissing
-from nat2024.interfaces import BatchEnhancer, Scope
 from nat2024.registry import register_tracker
 from nat2024.zoo import WeightsSpec, sha256_of
 from nat2024_trackers.opencv.base import OpenCVTracker, finite_score, try_out
@@ -26,28 +25,19 @@ class OpenCVDaSiamRPN(OpenCVTracker):
 
     card: ClassVar[Card] = read_card("nat2024_trackers.opencv", "dasiamrpn.toml")
 
-    def __init__(
-        self,
-        *,
-        weights: WeightsSpec = None,
-        enhancer: BatchEnhancer | None = None,
-        device: str = "cpu",
-        scope: Scope | None = None,
-    ) -> None:
+    def __init__(self, *, weights: WeightsSpec = None, **base: Any) -> None:
         """Find the three networks and try them once.
 
         Args:
             weights: the folder that holds the three ONNX files under their published names.
-            enhancer: anything with `enhance_batch`; sees whole frames.
-            device: for the enhancer; the tracker itself runs on the CPU.
-            scope: only "frame".
+            base: `enhancer`, `device`, `scope`, of which there is only "frame".
 
         Raises:
             InvalidOption: fresh weights, which ONNX files do not have.
             WeightsMissing: no folder, or files are not in it; says which.
             WeightsMismatch: the files do not run.
         """
-        super().__init__(enhancer=enhancer, device=device, scope=scope)
+        super().__init__(**base)
         wanted = _as_folder(self.card)
         found, folder = find_folder(self.name, weights, wanted, "its three ONNX files")
         self._files = {part: folder / name for part, name in _FILES.items()}

@@ -4,7 +4,6 @@ from typing import Any, ClassVar
 
 from nat2024.cards import Card, read_card
 from nat2024.errors import InvalidOption
-from nat2024.interfaces import BatchEnhancer, Scope
 from nat2024.registry import register_tracker
 from nat2024.zoo import WeightsSpec
 from nat2024_trackers.opencv.base import OpenCVTracker, finite_score, try_out
@@ -24,30 +23,20 @@ class OpenCVNano(OpenCVTracker):
 
     card: ClassVar[Card] = read_card("nat2024_trackers.opencv", "nano.toml")
 
-    def __init__(
-        self,
-        *,
-        weights: WeightsSpec = None,
-        enhancer: BatchEnhancer | None = None,
-        device: str = "cpu",
-        scope: Scope | None = None,
-        variant: str = "v1",
-    ) -> None:
+    def __init__(self, *, weights: WeightsSpec = None, variant: str = "v1", **base: Any) -> None:
         """Find the two networks and try them once.
 
         Args:
             weights: a folder that holds one `*backbone*.onnx` and one `*head*.onnx` of the variant.
-            enhancer: anything with `enhance_batch`; sees whole frames.
-            device: for the enhancer; the tracker itself runs on the CPU.
-            scope: only "frame".
             variant: "v1" or "v2"; v3 does not run in OpenCV's tracker (`nanotrack` runs it).
+            base: `enhancer`, `device`, `scope`, of which there is only "frame".
 
         Raises:
             InvalidOption: no such variant, or fresh weights, which ONNX files do not have.
             WeightsMissing: no folder, or one of the two files is not in it.
             WeightsMismatch: the files do not run, or are of another variant.
         """
-        super().__init__(enhancer=enhancer, device=device, scope=scope)
+        super().__init__(**base)
         self.variant = _checked(variant)
         self.files, self.weights = find_onnx_weights(
             self.name, weights, self.card, variant, _VARIANTS

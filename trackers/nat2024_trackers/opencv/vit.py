@@ -5,7 +5,6 @@ from typing import Any, ClassVar
 
 from nat2024.cards import Card, read_card
 from nat2024.errors import InvalidOption, WeightsMissing
-from nat2024.interfaces import BatchEnhancer, Scope
 from nat2024.registry import register_tracker
 from nat2024.zoo import WeightsSpec, find_weights
 from nat2024_trackers.opencv.base import OpenCVTracker, finite_score, try_out
@@ -17,28 +16,19 @@ class OpenCVVit(OpenCVTracker):
 
     card: ClassVar[Card] = read_card("nat2024_trackers.opencv", "vit.toml")
 
-    def __init__(
-        self,
-        *,
-        weights: WeightsSpec = None,
-        enhancer: BatchEnhancer | None = None,
-        device: str = "cpu",
-        scope: Scope | None = None,
-    ) -> None:
+    def __init__(self, *, weights: WeightsSpec = None, **base: Any) -> None:
         """Find the network and try it once.
 
         Args:
             weights: the ONNX file.
-            enhancer: anything with `enhance_batch`; sees whole frames.
-            device: for the enhancer; the tracker itself runs on the CPU.
-            scope: only "frame".
+            base: `enhancer`, `device`, `scope`, of which there is only "frame".
 
         Raises:
             InvalidOption: fresh weights, which ONNX files do not have.
             WeightsMissing: no such file.
             WeightsMismatch: the file does not run.
         """
-        super().__init__(enhancer=enhancer, device=device, scope=scope)
+        super().__init__(**base)
         if weights is False:
             msg = f"{self.name} has no fresh weights; pass its ONNX file"
             raise InvalidOption(msg)
