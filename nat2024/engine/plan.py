@@ -281,7 +281,8 @@ def options_at_default(spec: PluginSpec, plugin: Tracker | Enhancer) -> frozense
     usual = resolve_options(type(plugin), {})
     implied = plugin.weights.options if plugin.weights else {}
     chosen = resolve_options(type(plugin), {**implied, **spec.options})
-    return frozenset(key for key, value in chosen.items() if value == usual[key])
+    made = plugin_record(spec, plugin).options  # "auto" may have become the default
+    return frozenset(key for key in chosen if usual[key] in (chosen[key], made[key]))
 
 
 def _weights_record(weights: Weights | None) -> WeightsRecord | None:

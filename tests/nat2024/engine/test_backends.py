@@ -6,14 +6,20 @@ import msgspec
 import pytest
 
 from nat2024 import load_dataset
-from nat2024.backends import is_installed, runtimes
+from nat2024.backends import OPENVINO_FIRST, is_installed, runtimes
 from nat2024.engine import combine, run_benchmark
 from nat2024.errors import ResultConflict, UsageError
 from nat2024.store import RunFolder
+from nat2024_trackers.siamese.tracker import SiameseTracker
 
 needs_openvino = pytest.mark.skipif(
     not is_installed("openvino", "cpu"), reason="OpenVINO is not installed"
 )
+
+
+@pytest.fixture
+def openvino_is_fastest(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(SiameseTracker, "fastest_backends", OPENVINO_FIRST)
 
 
 def run(
@@ -48,6 +54,7 @@ def test_a_backend_that_is_not_there() -> None:
 
 
 @needs_openvino
+@pytest.mark.usefixtures("openvino_is_fastest")
 def test_the_manifest_says_what_auto_was_and_a_begun_run_keeps_it(
     night_clip: Path, tmp_path: Path
 ) -> None:
@@ -67,6 +74,7 @@ def test_the_manifest_says_what_auto_was_and_a_begun_run_keeps_it(
 
 
 @needs_openvino
+@pytest.mark.usefixtures("openvino_is_fastest")
 def test_a_begun_run_goes_on_with_what_took_over(
     night_clip: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
