@@ -16,6 +16,7 @@ from collections import Counter, deque
 from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass, field
 from multiprocessing import connection as connections
+from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from typing import Any
@@ -287,15 +288,19 @@ def _start(device: str, setting: Setting) -> _Worker:
 
 @contextlib.contextmanager
 def born_deaf_to_interrupts() -> Iterator[None]:
-    """Processes that are started here ignore Ctrl-C: stopping them is their parent's business."""
-    if threading.current_thread() is not threading.main_thread():
+    """Processes that are started here never hear Ctrl-C: stopping them is their parent's business.
+
+    It is held back meanwhile and not ignored, so that none is lost.
+    """
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
         yield
         return
-    handler = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    resource_tracker.ensure_running()  # whose start would let Ctrl-C through again
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, handler)
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextlib.contextmanager

@@ -64,3 +64,21 @@ def test_interrupt(night_clip: Path, tmp_path: Path, how: list[str]) -> None:
     assert out == b""
     assert err.decode().split("\n")[1:-1] == ["nat-bench: stopped; what was finished is kept"]
     assert sorted(p.name for p in folder.glob("*.txt")) == ["narrow.txt", "tall.txt"]
+
+
+def test_an_interrupt_while_workers_are_started_is_not_lost() -> None:
+    from nat2024.engine.workers import born_deaf_to_interrupts
+
+    code = "import signal, sys; sys.exit(signal.SIGINT in signal.pthread_sigmask(0, []))"
+    handler = signal.signal(signal.SIGINT, signal.default_int_handler)
+    heard = []
+    try:
+        with born_deaf_to_interrupts():
+            deaf = subprocess.run([sys.executable, "-S", "-c", code], check=False).returncode
+            os.kill(os.getpid(), signal.SIGINT)
+            heard.append("nothing")
+    except KeyboardInterrupt:
+        heard.append("interrupt")
+    finally:
+        signal.signal(signal.SIGINT, handler)
+    assert (deaf, heard) == (1, ["nothing", "interrupt"])
