@@ -10,7 +10,8 @@ are CPU times of one process; the sides take turns. Measured are
   which are checked to be equal before any time is printed;
 * `nat2024.evaluate` of the same files on disk, which scores under `strict` too and gathers its
   notes, with an empty cache, without a cache, and from the cache. All of these are compared with
-  the curves alone in pysot's form.
+  the curves alone in pysot's form;
+* how much memory each tracker adds to what `nat2024.evaluate` gives.
 
 `--growth N` evaluates up to N short result files, made for it, and prints the time of each file.
 """
@@ -22,6 +23,7 @@ import statistics
 import sys
 import tempfile
 import time
+import tracemalloc
 import zipfile
 from collections.abc import Callable
 from pathlib import Path, PurePosixPath
@@ -138,15 +140,37 @@ def measure(truths: Texts, results: dict[str, Texts], folder: Path, repeats: int
     return seconds
 
 
+def memory_of_a_run(truths: Texts, folder: Path) -> float:
+    """Bytes that each tracker adds to the scores of the first; NaN where there is one only."""
+    files, dataset = folder / "measured", dataset_of(truths)
+    runs = sorted(path.name for path in files.iterdir())
+
+    def held(some: list[str]) -> int:
+        tracemalloc.start()
+        kept = nat2024.evaluate(files, dataset, runs=some)
+        found, _ = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+        assert len(kept.runs) == len(some)
+        return found
+
+    held(runs)  # what is looked up once
+    return (held(runs) - held(runs[:1])) / (len(runs) - 1) if len(runs) > 1 else float("nan")
+
+
 def report(
-    as_json: bool, truths: Texts, results: dict[str, Texts], seconds: dict[str, list[float]]
+    as_json: bool,
+    truths: Texts,
+    results: dict[str, Texts],
+    seconds: dict[str, list[float]],
+    memory: float,
 ) -> None:
     """Print best and median of each side and how many times as fast as the peer it is."""
     best = {name: min(times) for name, times in seconds.items()}
     median = {name: statistics.median(times) for name, times in seconds.items()}
     ratios = {name: (best[PEER] / best[name], median[PEER] / median[name]) for name in seconds}
     if as_json:
-        print(json.dumps({"best_s": best, "median_s": median, "times_as_fast": ratios}))
+        found = {"best_s": best, "median_s": median, "times_as_fast": ratios}
+        print(json.dumps({**found, "bytes_a_tracker": memory}))
         return
     print(f"{len(truths)} sequences, {len(results)} trackers, equal in every value")
     for tracker, each in evaluate(truths, results).items():
@@ -156,6 +180,7 @@ def report(
     for name, (at_best, at_median) in ratios.items():
         own = f"{1000 * best[name]:8.1f}   {1000 * median[name]:10.1f}"
         print(f"{name:24} {own}   {at_best:19.1f}   {at_median:6.1f}")
+    print(f"each tracker adds {memory / 2**20:.2f} MB")
 
 
 def measure_growth(most: int, folder: Path) -> list[dict[str, float]]:
@@ -203,7 +228,8 @@ def main() -> None:
             sys.exit(f"{arguments.path}: holds no anno/*.txt or no results/TRACKER/*.txt")
         check_equal(truths, results)
         seconds = measure(truths, results, Path(folder), arguments.repeats)
-    report(arguments.json, truths, results, seconds)
+        memory = memory_of_a_run(truths, Path(folder))
+    report(arguments.json, truths, results, seconds, memory)
 
 
 if __name__ == "__main__":

@@ -27,7 +27,7 @@ from nat2024.keeping import Keeper, cache_folder, digest, trim
 from nat2024.metrics import FrameValues, Protocol, SequenceScores, evaluate_boxes
 from nat2024.metrics.batches import Aligned, aligned, measure_rows, pair_of, strict_success
 from nat2024.metrics.protocols import LengthRule, check_length_rule
-from nat2024.metrics.scores import ROW_LENGTH, scores_of_row
+from nat2024.metrics.scores import ROW_LENGTH
 from nat2024.store import Run
 from nat2024.types import Box, Boxes, Flags, Floats, Sequence
 
@@ -299,8 +299,8 @@ class RunScorer:
     def _scored(self, entry: _Entry, row: Floats) -> Scored:
         setting, rule = self._scorer.setting(entry.sequence), self._scorer.on_length
         again = _Again(self._run, entry.number, entry.digest, entry.sequence, setting, rule)
-        scores = scores_of_row(
-            row[_SCORES], name=str(entry.path), protocol=setting.protocol, by_frame=again
+        scores = SequenceScores(
+            name=str(entry.path), protocol=setting.protocol, by_frame=again, row=row[_SCORES]
         )
         return Scored(scores, row[_FIRST_BOX], float(row[_STRICT]))
 

@@ -21,6 +21,7 @@ from nat2024.metrics import (
     summarize,
 )
 from nat2024.metrics.bootstrap import RESAMPLES
+from nat2024.metrics.scores import CURVE_COLUMNS, ROW_LENGTH
 from nat2024.store import Manifest
 from nat2024.types import Floats
 
@@ -248,11 +249,9 @@ class Evaluation:
 
 
 def _sequence_curves(scores: Mapping[str, SequenceScores]) -> SequenceCurves:
-    tables = [
-        np.array([getattr(one, f"{metric}_curve") for one in scores.values()])
-        for metric in _THRESHOLDS
-    ]
-    return SequenceCurves(tuple(scores), *tables)
+    table = np.array([one.row for one in scores.values()]).reshape(len(scores), ROW_LENGTH)
+    curves = [table[:, CURVE_COLUMNS[f"{metric}_curve"]].copy() for metric in _THRESHOLDS]
+    return SequenceCurves(tuple(scores), *curves)
 
 
 _TIMING = (

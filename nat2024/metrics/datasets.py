@@ -2,13 +2,20 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
 from nat2024.errors import UsageError
 from nat2024.metrics.protocols import Protocol, get_protocol
-from nat2024.metrics.scores import CURVE_LENGTHS, SCORE_NAMES, Scores, SequenceScores
+from nat2024.metrics.scores import (
+    COLUMN,
+    CURVE_COLUMNS,
+    ROW_LENGTH,
+    SCORE_NAMES,
+    Scores,
+    SequenceScores,
+)
 from nat2024.types import Flags, Floats
 
 _EPSILON = float(np.finfo(np.float64).eps)
@@ -60,24 +67,22 @@ def summarize(
     """
     given = list(scores)
     chosen = _common_protocol(given, protocol)
-    frames = np.array([one.frames for one in given], dtype=np.float64)
-    curves: dict[str, Any] = {}
+    table = _table(given)
+    frames = table[:, COLUMN["frames"]]
+    row = np.zeros(ROW_LENGTH)
     weights: dict[str, Floats] = {}
-    for name, length in CURVE_LENGTHS.items():
-        table = _table(given, name, length)
-        weights[name] = _weights(table, frames, chosen)
-        curves[name] = _mean(table, weights[name])
-    values: dict[str, Any] = {
-        name: float(_mean(_table(given, name, 1), weights[_CURVE_OF[name]])[0])
-        for name in SCORE_NAMES
-    }
+    for name, columns in CURVE_COLUMNS.items():
+        weights[name] = _weights(table[:, columns], frames, chosen)
+        row[columns] = _mean(table[:, columns], weights[name])
+    for name in SCORE_NAMES:
+        column = COLUMN[name]
+        row[column] = _mean(table[:, column : column + 1], weights[_CURVE_OF[name]])[0]
+    row[COLUMN["frames"]] = frames.sum()
     return DatasetScores(
         protocol=chosen,
-        frames=int(frames.sum()),
+        row=row,
         sequences=len(given),
         scored=int(np.count_nonzero(weights["success_curve"])),
-        **values,
-        **curves,
     )
 
 
@@ -102,10 +107,9 @@ def sequence_weights(scores: Iterable[SequenceScores], metric: str) -> Floats:
         float64, one a sequence; 0 for those that leave the mean.
     """
     given = list(scores)
-    curve = _CURVE_OF[metric]
-    frames = np.array([one.frames for one in given], dtype=np.float64)
-    table = _table(given, curve, CURVE_LENGTHS[curve])
-    return _weights(table, frames, _common_protocol(given, None))
+    table = _table(given)
+    curves = table[:, CURVE_COLUMNS[_CURVE_OF[metric]]]
+    return _weights(curves, table[:, COLUMN["frames"]], _common_protocol(given, None))
 
 
 def _common_protocol(given: list[SequenceScores], protocol: str | Protocol | None) -> Protocol:
@@ -122,10 +126,9 @@ def _common_protocol(given: list[SequenceScores], protocol: str | Protocol | Non
     raise UsageError(msg)
 
 
-def _table(given: list[SequenceScores], name: str, length: int) -> Floats:
-    """An attribute of all scores, float64 (sequences, length)."""
-    values = [getattr(one, name) for one in given]
-    return np.array(values, dtype=np.float64).reshape(len(given), length)
+def _table(given: list[SequenceScores]) -> Floats:
+    """All numbers of all scores, float64 (sequences, `ROW_LENGTH`)."""
+    return np.array([one.row for one in given], dtype=np.float64).reshape(len(given), ROW_LENGTH)
 
 
 def _weights(table: Floats, frames: Floats, protocol: Protocol) -> Floats:

@@ -3,15 +3,19 @@
 from collections.abc import Sequence
 from dataclasses import fields, replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 
 from nat2024.errors import ArrayContract
-from nat2024.metrics.scores import SCORE_NAMES, FrameSource, FrameValues, SequenceScores
+from nat2024.metrics.scores import (
+    COLUMN,
+    CURVE_COLUMNS,
+    SCORE_NAMES,
+    FrameSource,
+    FrameValues,
+    SequenceScores,
+)
 from nat2024.types import Floats
-
-_CURVES = ("success_curve", "precision_curve", "normalized_precision_curve")
 
 
 def average_repeats(repeats: Sequence[SequenceScores]) -> SequenceScores:
@@ -35,12 +39,13 @@ def average_repeats(repeats: Sequence[SequenceScores]) -> SequenceScores:
     sources = tuple(one.by_frame for one in repeats)
     later = partial(_average_frames, sources)
     at_hand = all(isinstance(source, FrameValues) for source in sources)
-    means: dict[str, Any] = {
-        **{name: float(np.mean([getattr(one, name) for one in repeats])) for name in SCORE_NAMES},
-        **{name: np.mean([getattr(one, name) for one in repeats], axis=0) for name in _CURVES},
-        "by_frame": later() if at_hand else later,
-    }
-    return replace(first, **means, bad_results=sum(one.bad_results for one in repeats))
+    row = first.row.copy()
+    for name in SCORE_NAMES:
+        row[COLUMN[name]] = np.mean([getattr(one, name) for one in repeats])
+    for columns in CURVE_COLUMNS.values():
+        row[columns] = np.mean([one.row[columns] for one in repeats], axis=0)
+    row[COLUMN["bad_results"]] = sum(one.bad_results for one in repeats)
+    return replace(first, row=row, by_frame=later() if at_hand else later)
 
 
 def _average_frames(sources: tuple[FrameSource, ...]) -> FrameValues:

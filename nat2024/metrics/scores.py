@@ -1,9 +1,9 @@
-"""The scores of one result on one sequence, and all their numbers as one row."""
+"""The scores of a result; all their numbers are one row of an array, so that many need little."""
 
 import itertools
 from collections.abc import Callable
-from dataclasses import dataclass, field, fields
-from typing import Any, Final, TypeAlias
+from dataclasses import dataclass, field
+from typing import Final, TypeAlias
 
 import numpy as np
 
@@ -15,6 +15,49 @@ from nat2024.metrics.curves import (
 from nat2024.metrics.protocols import Protocol
 from nat2024.types import Floats
 
+SCORE_NAMES: Final[tuple[str, ...]] = (
+    "success_auc",
+    "precision_20",
+    "normalized_precision_20",
+    "normalized_precision_auc",
+    "precision_auc",
+    "average_overlap",
+    "success_rate_50",
+    "success_rate_75",
+)
+"""Names of the scalar scores."""
+
+COUNT_NAMES: Final = (
+    "frames",
+    "rows",
+    "length_predicted",
+    "length_truth",
+    "invalid_truth",
+    "bad_results",
+)
+"""Names of the whole numbers."""
+
+CURVE_LENGTHS: Final = {
+    "success_curve": len(SUCCESS_THRESHOLDS),
+    "precision_curve": len(PRECISION_THRESHOLDS),
+    "normalized_precision_curve": len(NORMALIZED_PRECISION_THRESHOLDS),
+}
+"""How many values each curve has."""
+
+_SINGLE: Final = (*COUNT_NAMES, *SCORE_NAMES)
+_ENDS: Final = [len(_SINGLE), *(len(_SINGLE) + np.cumsum([*CURVE_LENGTHS.values()])).tolist()]
+
+COLUMN: Final = {name: number for number, name in enumerate(_SINGLE)}
+"""Where each single number is in a row of `ROW_LENGTH`."""
+
+CURVE_COLUMNS: Final = {
+    name: slice(*ends) for name, ends in zip(CURVE_LENGTHS, itertools.pairwise(_ENDS), strict=True)
+}
+"""Where each curve is."""
+
+ROW_LENGTH: Final[int] = _ENDS[-1]
+"""How many numbers there are of one result on one sequence, those of its frames left out."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Scores:
@@ -22,42 +65,75 @@ class Scores:
 
     Attributes:
         protocol: with its options.
-        frames: frames in the divisor.
-        success_auc: area under the success curve.
-        precision_20: share of frames with a centre error of at most 20 px.
-        normalized_precision_20: share of frames with a normalised centre error of at most 0.20.
-        normalized_precision_auc: area under the normalised precision curve over 0..0.5.
-        precision_auc: area under the precision curve over 0..50 px (`trackingnet` calls this
-            its precision).
-        average_overlap: mean overlap of the frames with a target.
-        success_rate_50: share of frames with an overlap above 0.5.
-        success_rate_75: share of frames with an overlap above 0.75.
-        success_curve: float64 (21,) at `SUCCESS_THRESHOLDS`.
-        precision_curve: float64 (51,) at `PRECISION_THRESHOLDS`.
-        normalized_precision_curve: float64 (51,) at `NORMALIZED_PRECISION_THRESHOLDS`.
+        row: float64 (`ROW_LENGTH`,), all numbers; what follows reads them from there.
     """
 
     protocol: Protocol
-    frames: int
-    success_auc: float = np.nan
-    precision_20: float = np.nan
-    normalized_precision_20: float = np.nan
-    normalized_precision_auc: float = np.nan
-    precision_auc: float = np.nan
-    average_overlap: float = np.nan
-    success_rate_50: float = np.nan
-    success_rate_75: float = np.nan
-    success_curve: Floats
-    precision_curve: Floats
-    normalized_precision_curve: Floats
+    row: Floats = field(repr=False)
+
+    @property
+    def frames(self) -> int:
+        """Frames in the divisor."""
+        return int(self.row.item(COLUMN["frames"]))
+
+    @property
+    def success_auc(self) -> float:
+        """Area under the success curve."""
+        return float(self.row.item(COLUMN["success_auc"]))
+
+    @property
+    def precision_20(self) -> float:
+        """Share of frames with a centre error of at most 20 px."""
+        return float(self.row.item(COLUMN["precision_20"]))
+
+    @property
+    def normalized_precision_20(self) -> float:
+        """Share of frames with a normalised centre error of at most 0.20."""
+        return float(self.row.item(COLUMN["normalized_precision_20"]))
+
+    @property
+    def normalized_precision_auc(self) -> float:
+        """Area under the normalised precision curve over 0..0.5."""
+        return float(self.row.item(COLUMN["normalized_precision_auc"]))
+
+    @property
+    def precision_auc(self) -> float:
+        """Area under the precision curve over 0..50 px (precision in `trackingnet`)."""
+        return float(self.row.item(COLUMN["precision_auc"]))
+
+    @property
+    def average_overlap(self) -> float:
+        """Mean overlap of the frames with a target."""
+        return float(self.row.item(COLUMN["average_overlap"]))
+
+    @property
+    def success_rate_50(self) -> float:
+        """Share of frames with an overlap above 0.5."""
+        return float(self.row.item(COLUMN["success_rate_50"]))
+
+    @property
+    def success_rate_75(self) -> float:
+        """Share of frames with an overlap above 0.75."""
+        return float(self.row.item(COLUMN["success_rate_75"]))
+
+    @property
+    def success_curve(self) -> Floats:
+        """Float64 (21,) at `SUCCESS_THRESHOLDS`."""
+        return self.row[CURVE_COLUMNS["success_curve"]]
+
+    @property
+    def precision_curve(self) -> Floats:
+        """Float64 (51,) at `PRECISION_THRESHOLDS`."""
+        return self.row[CURVE_COLUMNS["precision_curve"]]
+
+    @property
+    def normalized_precision_curve(self) -> Floats:
+        """Float64 (51,) at `NORMALIZED_PRECISION_THRESHOLDS`."""
+        return self.row[CURVE_COLUMNS["normalized_precision_curve"]]
 
     def as_dict(self) -> dict[str, float]:
         """The scalar scores by name."""
-        return {name: getattr(self, name) for name in SCORE_NAMES}
-
-
-SCORE_NAMES: Final[tuple[str, ...]] = tuple(one.name for one in fields(Scores) if one.type is float)
-"""Names of the scalar scores."""
+        return {name: self.row.item(COLUMN[name]) for name in SCORE_NAMES}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,21 +164,35 @@ class SequenceScores(Scores):
         name: of the sequence, where given.
         by_frame: the values of the frames; scores of stored results compute them again from the
             file each time they are asked for, so that many runs need little memory.
-        rows: scored rows.
-        length_predicted: rows of the result as given.
-        length_truth: rows of the ground truth as given.
-        invalid_truth: rows of ground truth that are not four finite numbers with w, h > 0.
-        bad_results: given rows of the result that are not; rows beyond the ground truth are not
-            looked at.
     """
 
     name: str
     by_frame: FrameSource = field(repr=False)
-    rows: int
-    length_predicted: int
-    length_truth: int
-    invalid_truth: int
-    bad_results: int
+
+    @property
+    def rows(self) -> int:
+        """Scored rows."""
+        return int(self.row.item(COLUMN["rows"]))
+
+    @property
+    def length_predicted(self) -> int:
+        """Rows of the result as given."""
+        return int(self.row.item(COLUMN["length_predicted"]))
+
+    @property
+    def length_truth(self) -> int:
+        """Rows of the ground truth as given."""
+        return int(self.row.item(COLUMN["length_truth"]))
+
+    @property
+    def invalid_truth(self) -> int:
+        """Rows of ground truth that are not four finite numbers with w, h > 0."""
+        return int(self.row.item(COLUMN["invalid_truth"]))
+
+    @property
+    def bad_results(self) -> int:
+        """Given rows of the result that are not; those beyond the truth do not count."""
+        return int(self.row.item(COLUMN["bad_results"]))
 
     def frame_values(self) -> FrameValues:
         """Overlap and errors of each scored row.
@@ -126,48 +216,3 @@ class SequenceScores(Scores):
     def normalized_center_error(self) -> Floats:
         """Normalised centre error of each scored row; see `frame_values`."""
         return self.frame_values().normalized_center_error
-
-
-CURVE_LENGTHS: Final = {
-    "success_curve": len(SUCCESS_THRESHOLDS),
-    "precision_curve": len(PRECISION_THRESHOLDS),
-    "normalized_precision_curve": len(NORMALIZED_PRECISION_THRESHOLDS),
-}
-"""How many values each curve has."""
-
-COUNT_NAMES: Final = (
-    "frames",
-    "rows",
-    "length_predicted",
-    "length_truth",
-    "invalid_truth",
-    "bad_results",
-)
-"""Names of the whole numbers."""
-
-_SINGLE: Final = (*COUNT_NAMES, *SCORE_NAMES)
-_ENDS: Final = [len(_SINGLE), *(len(_SINGLE) + np.cumsum([*CURVE_LENGTHS.values()])).tolist()]
-
-COLUMN: Final = {name: number for number, name in enumerate(_SINGLE)}
-"""Where each single number is in a row of `ROW_LENGTH`."""
-
-CURVE_COLUMNS: Final = {
-    name: slice(*ends) for name, ends in zip(CURVE_LENGTHS, itertools.pairwise(_ENDS), strict=True)
-}
-"""Where each curve is."""
-
-ROW_LENGTH: Final[int] = _ENDS[-1]
-"""How many numbers there are of one result on one sequence, those of its frames left out."""
-
-
-def scores_of_row(
-    row: Floats, *, name: str, protocol: Protocol, by_frame: FrameSource
-) -> SequenceScores:
-    """Scores whose numbers are those of a row, float64 (`ROW_LENGTH`,); curves are views of it."""
-    single = row[: len(_SINGLE)].tolist()
-    counts: dict[str, Any] = dict(zip(COUNT_NAMES, map(int, single), strict=False))
-    scores: dict[str, Any] = dict(zip(SCORE_NAMES, single[len(COUNT_NAMES) :], strict=True))
-    curves: dict[str, Any] = {curve: row[columns] for curve, columns in CURVE_COLUMNS.items()}
-    return SequenceScores(
-        name=name, protocol=protocol, by_frame=by_frame, **counts, **scores, **curves
-    )

@@ -6,7 +6,7 @@ import numpy.typing as npt
 from nat2024.errors import ArrayContract, LengthMismatch
 from nat2024.metrics.batches import aligned, measure_rows, pair_of
 from nat2024.metrics.protocols import LengthRule, Protocol, check_length_rule, get_protocol
-from nat2024.metrics.scores import FrameValues, SequenceScores, scores_of_row
+from nat2024.metrics.scores import FrameValues, SequenceScores
 from nat2024.types import Floats
 
 
@@ -75,7 +75,7 @@ def _evaluate(
         _reported(measured.error, length),
         _reported(measured.normalized, length),
     )
-    return scores_of_row(rows[0], name=name, protocol=protocol, by_frame=frames)
+    return SequenceScores(name=name, protocol=protocol, by_frame=frames, row=rows[0])
 
 
 def _reported(error: Floats | None, rows: int) -> Floats:

@@ -30,7 +30,8 @@ def kit(tmp_path: Path) -> Path:
 def test_every_side_is_measured(kit: Path) -> None:
     command = [sys.executable, SCRIPT, kit, "--repeats", "1", "--json"]
     found = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
-    assert set(found) == {"best_s", "median_s", "times_as_fast"}
+    assert set(found) == {"best_s", "median_s", "times_as_fast", "bytes_a_tracker"}
+    assert 2 * 8 * 137 < found["bytes_a_tracker"] < 50_000  # two sequences, and names
     assert set(found["median_s"]) == {
         *("pysot form", "curves"),
         *("evaluate, no cache", "evaluate, empty cache", "evaluate, from cache"),

@@ -18,7 +18,7 @@ import nat2024
 from nat2024.errors import ArrayContract, BoxFileError, LengthMismatch
 from nat2024.evaluation import Evaluation, scorers
 from nat2024.metrics import SCORE_NAMES, FrameValues, Protocol, list_protocols
-from nat2024.metrics.scores import CURVE_LENGTHS
+from nat2024.metrics.scores import CURVE_LENGTHS, ROW_LENGTH
 from nat2024.types import Dataset, Sequence
 
 
@@ -389,6 +389,35 @@ def test_memory_does_not_grow_with_the_frames_of_all_runs(
     values_of_one = 2500 * 3 * 8
     assert many[0] - few[0] < 2 * values_of_one  # 14 if they were held
     assert many[1] - few[1] < 2 * values_of_one
+
+
+@pytest.mark.parametrize("use_cache", [False, True])
+def test_a_run_adds_little_more_than_its_numbers(
+    tmp_path: Path, cache: Path, use_cache: bool
+) -> None:
+    rows, sequences, runs = 300, 30, 12
+    boxes = walk(1, rows)
+    names = [f"sequence{number:02}" for number in range(sequences)]
+    text = nat2024.boxes.format_boxes(boxes + 1)
+    for run in range(runs):
+        (tmp_path / "r" / f"run{run:02}").mkdir(parents=True)
+        for name in names:
+            (tmp_path / "r" / f"run{run:02}" / f"{name}.txt").write_text(text)
+    dataset = Dataset("clip", tuple(Sequence(name, Frames(rows), boxes) for name in names))
+    chosen = [f"run{number:02}" for number in range(runs)]
+
+    def held(some: list[str]) -> int:
+        tracemalloc.start()
+        kept = nat2024.evaluate(tmp_path / "r", dataset, cache=use_cache, runs=some)
+        found, _ = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+        assert [run.run for run in kept.runs] == some
+        return found
+
+    for _ in "ab":  # what is looked up once, and what is kept
+        held(chosen)
+    growth = (held(chosen) - held(chosen[:2])) / (runs - 2) / sequences
+    assert 8 * ROW_LENGTH < growth < 2 * 8 * ROW_LENGTH  # values of the frames: 7200 bytes more
 
 
 def test_work_grows_with_the_number_of_files_only(

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from nat2024.errors import ArrayContract
 from nat2024.metrics import SCORE_NAMES, Protocol, evaluate_boxes, list_protocols
 from nat2024.metrics.batches import Aligned, aligned, measure_rows, pair_of, strict_success
-from nat2024.metrics.scores import COUNT_NAMES, CURVE_LENGTHS, scores_of_row
+from nat2024.metrics.scores import COUNT_NAMES, CURVE_LENGTHS, SequenceScores
 
 PROTOCOLS = [
     *map(Protocol, list_protocols()),
@@ -29,7 +29,7 @@ def boxes(rng: np.random.Generator, rows: int, odd: bool) -> np.ndarray:
 
 
 def bits(row: np.ndarray, protocol: Protocol) -> dict[str, bytes]:
-    one = scores_of_row(row, name="", protocol=protocol, by_frame=lambda: None)
+    one = SequenceScores(name="", protocol=protocol, by_frame=lambda: None, row=row)
     names = (*COUNT_NAMES, *SCORE_NAMES, *CURVE_LENGTHS)
     return {name: np.asarray(getattr(one, name)).tobytes() for name in names}
 
