@@ -11,6 +11,7 @@ FOUND, TRUTH = (0, 158, 230), (115, 158, 0)
 """Colours of the tracker's box and of the reference, BGR: orange and green of Okabe and Ito."""
 
 WHITE, BLACK = (255, 255, 255), (0, 0, 0)
+_DARK = 60.0  # of 255; a darker line is lost on black
 _FAR = 1e5  # pixels beyond which a box is cut, so that OpenCV's integers hold it
 
 Color = tuple[int, int, int]
@@ -36,6 +37,12 @@ def bgr(color: str) -> Color:
     """A colour `#rrggbb` as blue, green, red."""
     red, green, blue = bytes.fromhex(color.lstrip("#"))
     return blue, green, red
+
+
+def edge_of(color: Color) -> Color:
+    """What sets a line off from ground of any brightness: white for dark lines, else black."""
+    blue, green, red = color
+    return WHITE if 0.114 * blue + 0.587 * green + 0.299 * red < _DARK else BLACK
 
 
 def draw_boxes(
@@ -66,14 +73,14 @@ def draw_into(image: Image, boxes: Iterable[DrawnBox], thick: int, *, halo: bool
         image: uint8 (H, W, 3) BGR, changed.
         boxes: in pixels of the image.
         thick: of lines in pixels.
-        halo: draw each line on a dark one, for ground of any brightness.
+        halo: draw each line on one of `edge_of` its colour, for ground of any brightness.
     """
     kept = [one for one in boxes if np.isfinite(one.box).all()]
     for one in kept:
         x, y, w, h = one.box
         corners = np.clip(np.round([x, y, x + w, y + h]), -_FAR, _FAR).astype(int).tolist()
         if halo:
-            _rectangle(image, corners, BLACK, thick + 2, one.is_dashed)
+            _rectangle(image, corners, edge_of(one.color), thick + 2, one.is_dashed)
         _rectangle(image, corners, one.color, thick, one.is_dashed)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from nat2024.types import Box, Image
 from nat2024_reports.figures.looks import Look
 from nat2024_reports.framing import choose_view, cut_view, place_box
-from nat2024_reports.overlays import WHITE, Color, DrawnBox, bgr, draw_into, write_lines
+from nat2024_reports.overlays import WHITE, Color, DrawnBox, bgr, draw_into, edge_of, write_lines
 from nat2024_reports.style import shortened
 
 WIDEST = 1280
@@ -184,7 +184,8 @@ def _legend(scene: Scene, looks: Mapping[str, Look], width: int) -> Image:
         left, middle = round(column * width / columns) + 10, 4 + _ROW * row + _ROW // 2
         for start in range(left, left + 30, 11 if is_dashed else 30):
             end = min(left + 30, start + (7 if is_dashed else 30))
-            cv2.line(legend, (start, middle), (end, middle), color, 3, cv2.LINE_AA)
+            for shade, thick in ((edge_of(color), 5), (color, 3)):
+                cv2.line(legend, (start, middle), (end, middle), shade, thick, cv2.LINE_AA)
         cv2.putText(
             legend,
             text,

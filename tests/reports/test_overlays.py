@@ -28,6 +28,16 @@ def test_solid_boxes_are_closed_and_dashed_ones_have_gaps_and_corners() -> None:
         assert (image[30, 40] == 90).all()
 
 
+def test_dark_boxes_have_a_light_edge_and_others_a_dark_one() -> None:
+    for color, edge in ((bgr("#000000"), 255), (bgr("#332288"), 255), (RED, 0)):
+        image = grey()
+        draw_into(image, [DrawnBox(np.array([20.0, 10, 80, 60]), color)], 1, halo=True)
+        assert abs(int(image[12, 60].mean()) - edge) < 60
+    black = {"t": Look("T", "#000000", True, "", "o")}
+    legend = video_frame(Scene(0, {"": grey(90, 640)}), black, (640, 90))[90:]
+    assert legend[:, 326:362].max() > 200  # the line before the name, in the second column
+
+
 def test_bad_boxes_are_left_out_and_far_ones_harm_nothing() -> None:
     image = grey()
     boxes = [np.full(4, np.nan), np.array([1e12, -1e12, 4, 4]), np.array([-1e9, -1e9, 2e9, 2e9])]

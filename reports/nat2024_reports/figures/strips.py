@@ -9,6 +9,7 @@ import numpy as np
 from nat2024.types import Box, Floats, Image
 from nat2024_reports.figures.looks import Look
 from nat2024_reports.framing import choose_view, cut_view, place_box
+from nat2024_reports.overlays import WHITE, bgr, edge_of
 from nat2024_reports.style import GREY, PAGE, figure_style, new_figure, plain_text, shortened
 
 if TYPE_CHECKING:
@@ -222,19 +223,21 @@ def _draw_view(
 
 
 def _draw_box(axes: "Axes", box: Box, color: str, line: Any, width: float) -> None:
+    from matplotlib.colors import to_hex
     from matplotlib.patches import Rectangle
 
     if not np.isfinite(box).all():
         return
     corner = (float(box[0]), float(box[1]))
-    for edge, thickness, alpha in (("black", width + 0.7, 0.5), (color, width, 1.0)):
+    edge = "white" if edge_of(bgr(to_hex(color))) == WHITE else "black"
+    for shade, thickness, alpha in ((edge, width + 0.7, 0.5), (color, width, 1.0)):
         axes.add_patch(
             Rectangle(
                 corner,
                 float(box[2]),
                 float(box[3]),
                 fill=False,
-                edgecolor=edge,
+                edgecolor=shade,
                 linewidth=thickness,
                 linestyle=line,
                 alpha=alpha,
