@@ -6,9 +6,11 @@
 An enhancer is measured on one dark frame of the size after its `@`; a tracker on the maps of one
 search crop, template features kept; TRACKER+ENHANCER@WxH on whole updates with frames of that size,
 cropping, enhancing the search crop, the network and decoding together. All sides get fresh weights
-and the same noise and take turns in one process; times are medians. "Away" is the largest
-difference from our own form in torch, in shares of its largest output (of 1 for images, of the box
-for updates). With `--memory` the megabytes (10^6) that a first frame adds to the peak of a fresh
+and the same noise and take turns in one process; times are medians. "Plain sum at most" is how many
+times as fast as the plain form a network could be that takes every product of its convolutions, at
+the rate at which the processor multiplies matrices. "Away" is the largest difference from our own
+form in torch, in shares of its largest output (of 1 for images, of the box for updates). With
+`--memory` the megabytes (10^6) that a first frame adds to the peak of a fresh
 process are told too, the loading of the runtime included.
 """
 
@@ -31,7 +33,8 @@ OURS = {
     "torch": ("torch", "float32"),
     "onnxruntime": ("onnxruntime", "float32"),
     "openvino": ("openvino", "float32"),
-    "bfloat16": ("openvino", "bfloat16"),
+    "auto": ("auto", "float32"),
+    "bfloat16": ("auto", "bfloat16"),
 }
 """Backend and precision of each side that is ours."""
 
@@ -41,9 +44,9 @@ DEFAULT = (
     "siamrpnpp,siamapn,siamapnpp,hift,lpat,nanotrack,siamrpnpp+ldenhancer@960x540"
 )
 HEADER = """\
-| network | threads | plain, ms | torch | onnxruntime | openvino | openvino bfloat16 | \
-away, float32 | away, bfloat16 |
-| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |"""
+| network | threads | plain, ms | torch | onnxruntime | openvino | auto | auto, bfloat16 | \
+plain sum at most | away, float32 | away, bfloat16 |
+| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |"""
 
 
 @dataclass(frozen=True)
@@ -55,6 +58,8 @@ class Measured:
     ms: dict[str, float]
     away: dict[str, float]
     mb: dict[str, float]
+    sum_ms: float
+    """What the multiply-accumulates of the network take at the rate of a product of matrices."""
 
     def row(self) -> str:
         """The line in Markdown: milliseconds of the plain form, and how many times as fast."""
@@ -66,6 +71,7 @@ class Measured:
             str(self.threads),
             shown_ms(plain),
             *ratios,
+            shown(plain / self.sum_ms, ".2f"),
             shown(float32, ".0e"),
             shown(self.away.get("bfloat16", math.nan), ".0e"),
         ]
@@ -205,12 +211,20 @@ def installed() -> list[str]:
     """The sides that can run here."""
     from nat2024.backends import is_installed
 
-    return [side for side, (backend, _) in OURS.items() if is_installed(backend, "cpu")]
+    has_openvino = is_installed("openvino", "cpu")
+    return [
+        side
+        for side, (backend, precision) in OURS.items()
+        if (precision == "float32" or has_openvino)
+        and (backend == "auto" or is_installed(backend, "cpu"))
+    ]
 
 
 def time_all(network: str, threads: int, repeats: int, seconds: float) -> dict[str, Any]:
     """Median milliseconds of all sides, and how far they are from the plain one."""
     import torch
+
+    from nat2024.networks.macs import count_macs
 
     known = ["peer", *installed()]
     with torch.no_grad():
@@ -218,7 +232,22 @@ def time_all(network: str, threads: int, repeats: int, seconds: float) -> dict[s
         outputs = {side: _as_tuple(call()) for side, call in sides.items()}
         away = {side: _away(found, outputs["torch"]) for side, found in outputs.items()}
         times = take_turns(sides, repeats, seconds)
-    return {"ms": times, "away": {side: away[side] for side in known[1:]}}
+        macs = count_macs(sides["torch"])
+    return {
+        "ms": times,
+        "away": {side: away[side] for side in known[1:]},
+        "sum_ms": macs / product_rate(),
+    }
+
+
+def product_rate() -> float:
+    """Multiply-accumulates that a large product of matrices takes in a millisecond."""
+    import torch
+
+    side = 1024
+    matrix = torch.rand(side, side)
+    times = take_turns({"product": lambda: matrix @ matrix}, repeats=15, seconds=5)
+    return float(side**3 / times["product"])
 
 
 def _as_tuple(found: Any) -> tuple[Any, ...]:
@@ -252,8 +281,14 @@ def measure(
     for side in ["peer", *installed()] if memory else []:
         told = in_fresh_process(HERE, {**job, "side": side}, threads=threads, limit=limit)
         megabytes[side] = told.get("mb", math.nan)
-    nothing = {"peer": math.nan}
-    return Measured(network, threads, found.get("ms", nothing), found.get("away", {}), megabytes)
+    return Measured(
+        network,
+        threads,
+        ms=found.get("ms", {"peer": math.nan}),
+        away=found.get("away", {}),
+        mb=megabytes,
+        sum_ms=found.get("sum_ms", math.nan),
+    )
 
 
 def main() -> None:
