@@ -45,6 +45,8 @@ ROUNDS = 2
 class ToAndFro:
     """A few frames as a sequence of any length, the last one followed by the one before it."""
 
+    reads_in_parallel = True
+
     def __init__(self, frames: Any, count: int) -> None:
         self.frame_size = (frames[0].shape[1], frames[0].shape[0])
         self._frames, self._count = frames, count

@@ -4,7 +4,7 @@ import re
 from dataclasses import dataclass, field
 from operator import methodcaller
 from pathlib import Path
-from typing import Protocol, SupportsIndex, runtime_checkable
+from typing import ClassVar, Protocol, SupportsIndex, runtime_checkable
 
 from nat2024.archives import read_bytes
 from nat2024.datasets.decoding import check_reduction, decode_image, image_size, shrink, size_fault
@@ -60,7 +60,10 @@ class FolderFrames:
     Attributes:
         folder: where the images lie.
         names: file names in frame order.
+        reads_in_parallel: several threads may read frames at the same time.
     """
+
+    reads_in_parallel: ClassVar[bool] = True
 
     folder: Path
     names: tuple[str, ...]

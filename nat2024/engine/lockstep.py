@@ -24,6 +24,9 @@ from nat2024.types import Image
 FrameCallback: TypeAlias = Callable[[int, int], object]
 """Called after each frame with the number of the tracker and that of the sequence."""
 
+_READERS = 4
+"""Threads that decode, where lanes do not make it more: a GPU is faster than one of them."""
+
 _WATCHED_FRAMES = 2  # a tracker that writes into its frames does so from the start
 
 
@@ -70,8 +73,8 @@ def track_together(
     """Track sequences from their first boxes to their last frames, some of them frame by frame.
 
     A sequence that ends, or that no tracker follows any more, leaves its lane to the next one, so
-    that batches stay full to the last few sequences. Frames are decoded ahead, in a background
-    thread for each lane. The seconds told for reading are what was waited for a frame, and count
+    that batches stay full to the last few sequences. Frames are decoded ahead, in
+    background threads. The seconds told for reading are what was waited for a frame, and count
     for every tracker that saw it.
 
     Args:
@@ -90,6 +93,7 @@ def track_together(
     shared = [e.shared for t in trackers if isinstance(e := t.enhancer, TimedEnhancer) and e.shared]
     for frames in shared:
         frames.size = lanes
+    readers = max(1, _READERS // lanes)
     waiting = deque(enumerate(sequences))
     live: dict[int, _Lane] = {}
     try:
@@ -97,7 +101,7 @@ def track_together(
             begun: dict[int, _Lane] = {}
             while waiting and len(live) < lanes:
                 number, sequence = waiting.popleft()
-                begun[number] = live[number] = _Lane(sequence, len(methods), reading)
+                begun[number] = live[number] = _Lane(sequence, len(methods), reading, readers)
             # Those that begin catch up before the others go on, so that batches are full.
             moving = begun or dict(live)
             _advance(methods, moving, on_frame)
@@ -159,14 +163,16 @@ class _Trail:
 class _Lane:
     """A sequence on its way: its frames, each read once, and the trails of all its trackers."""
 
-    def __init__(self, sequence: types.Sequence, trackers: int, reading: Reading) -> None:
+    def __init__(
+        self, sequence: types.Sequence, trackers: int, reading: Reading, readers: int
+    ) -> None:
         self.sequence, self.reading = sequence, reading
         self.trails = [_Trail(len(sequence)) for _ in range(trackers)]
         self.index = -1  # of the frame that was read last
         self.image: Image | None = None
         self.waited = 0.0
         self._shape: tuple[int, ...] = ()
-        self._images = prefetch(sequence.frames, ahead=reading.ahead)
+        self._images = prefetch(sequence.frames, ahead=reading.ahead, threads=readers)
         self._images.__enter__()
 
     def __len__(self) -> int:

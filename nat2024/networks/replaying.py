@@ -7,12 +7,15 @@ from typing import Any
 
 import torch
 from torch import Tensor, nn
-from torch.utils._python_dispatch import _get_current_dispatch_mode
+from torch.utils._python_dispatch import TorchDispatchMode, _get_current_dispatch_mode
 
 from nat2024.networks.folding import Derived
 
 _CALLS_BEFORE = 3
 """Calls of a shape before it is recorded: kernels are chosen in these, and few calls do not pay."""
+
+_COPIES = ("_to_copy", "copy_")
+_QUESTIONS = ("_local_scalar_dense", "nonzero", "masked_select", "equal", "_unique2")
 
 _RECORDINGS = 8
 """Shapes that are kept at most; each holds the memory that its network needs."""
@@ -101,15 +104,41 @@ class Replayed:
         with torch.cuda.device(inputs[0].device):
             stream = torch.cuda.Stream()  # type: ignore[no-untyped-call]
             stream.wait_stream(torch.cuda.current_stream())
-            with torch.cuda.stream(stream):
+            with torch.cuda.stream(stream), _Scout() as scout:
                 self._function(*kept)  # libraries set themselves up for the stream
             torch.cuda.current_stream().wait_stream(stream)
+            if scout.obstacle:
+                return None
             try:
                 with torch.cuda.graph(graph, stream=stream, capture_error_mode="thread_local"):
                     answer = self._function(*kept)
             except RuntimeError:
+                _recover(stream)
                 return None
         return _Recording(graph, kept, answer)
+
+
+class _Scout(TorchDispatchMode):
+    """Looks for what cannot be recorded: values asked for, and tensors that come from the CPU."""
+
+    obstacle = ""
+
+    def __torch_dispatch__(
+        self, func: Any, types: Any, args: tuple[Any, ...] = (), kwargs: Any = None
+    ) -> Any:
+        answer = func(*args, **(kwargs or {}))
+        name = func.overloadpacket.__name__
+        tensors = [one for one in (*args, answer) if isinstance(one, Tensor)]
+        crosses = name in _COPIES and len({one.device.type for one in tensors}) > 1
+        if crosses or name in _QUESTIONS:
+            self.obstacle = name
+        return answer
+
+
+def _recover(stream: torch.cuda.Stream) -> None:
+    """Record something that ends: random numbers wait for the end of one that broke off."""
+    with torch.cuda.graph(torch.cuda.CUDAGraph(), stream=stream):
+        torch.zeros(1, device="cuda")
 
 
 def _is_watched() -> bool:

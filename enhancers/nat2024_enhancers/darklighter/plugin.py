@@ -23,6 +23,7 @@ class DarkLighter(NeuralEnhancer):
     """
 
     card = read_card("nat2024_enhancers.darklighter")
+    can_replay = True
     training_settings = DarkLighterSettings()
     training_note = "trained without the VGG term of the official loss, whose weights are not here"
     training_presets: ClassVar[Mapping[str, Mapping[str, Any]]] = PRESETS

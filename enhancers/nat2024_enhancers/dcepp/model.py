@@ -124,7 +124,7 @@ def _rows_of_enlarged(curve: Tensor, height: int, start: int, stop: int) -> Tens
     rows = curve.shape[-2]
     if rows == height:
         return curve[..., start:stop, :].contiguous()
-    ratio = torch.tensor((rows - 1) / (height - 1), device=curve.device)
+    ratio = torch.full((), (rows - 1) / (height - 1), device=curve.device)
     place = torch.arange(start, stop, device=curve.device) * ratio
     upper = place.floor()
     weight = (place - upper)[:, None]

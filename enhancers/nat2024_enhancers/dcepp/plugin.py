@@ -24,6 +24,7 @@ class DCEpp(NeuralEnhancer):
     """
 
     card = read_card("nat2024_enhancers.dcepp")
+    can_replay = True
     fastest_backends = ONNXRUNTIME_FIRST
     training_settings = DCEppSettings()
     training_presets: ClassVar[Mapping[str, Mapping[str, Any]]] = PRESETS

@@ -23,6 +23,7 @@ class EnlightenGAN(NeuralEnhancer):
     """
 
     card = read_card("nat2024_enhancers.enlightengan")
+    can_replay = True
     fastest_backends = TORCH_FIRST
 
     def build(self) -> "EnlightenGANNet":

@@ -25,6 +25,7 @@ class HighlightNet(NeuralEnhancer):
     """
 
     card = read_card("nat2024_enhancers.highlightnet")
+    can_replay = True
     fastest_backends = ONNXRUNTIME_FIRST
     training_settings = HighlightNetSettings()
     training_presets: ClassVar[Mapping[str, Mapping[str, Any]]] = PRESETS

@@ -21,6 +21,7 @@ class LLVE(NeuralEnhancer):
     """
 
     card = read_card("nat2024_enhancers.llve")
+    can_replay = True
     fastest_backends = TORCH_FIRST
     image_order: ClassVar[Literal["rgb", "bgr"]] = "bgr"
 

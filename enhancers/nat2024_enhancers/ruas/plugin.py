@@ -27,6 +27,7 @@ class RUAS(NeuralEnhancer):
     """
 
     card = read_card("nat2024_enhancers.ruas")
+    can_replay = True
     fastest_backends = TORCH_FIRST
     training_settings = RUASSettings()
     training_presets: ClassVar[Mapping[str, Mapping[str, Any]]] = PRESETS

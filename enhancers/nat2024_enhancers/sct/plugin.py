@@ -22,6 +22,7 @@ class SCT(NeuralEnhancer):
     """
 
     card = read_card("nat2024_enhancers.sct")
+    can_replay = True
     fastest_backends = TORCH_FIRST
 
     def __init__(self, *, statistics: Literal["running", "image"] = "running", **base: Any) -> None:

@@ -134,6 +134,40 @@ def test_negative_numbers(start: int, ahead: int) -> None:
         prefetch(Source(), start, ahead)
 
 
+@pytest.mark.parametrize(("ahead", "several"), [(4, 4), (4, 3), (2, 4), (9, 2)])
+def test_several_threads_read_what_may_be_read_in_parallel(ahead: int, several: int) -> None:
+    class Parallel(Source):
+        reads_in_parallel = True
+        at_once, most = 0, 0
+
+        def __getitem__(self, index: int) -> Any:
+            type(self).at_once += 1
+            type(self).most = max(self.most, self.at_once)
+            try:
+                time.sleep(0.001 * (index % 3))
+                return super().__getitem__(index)
+            finally:
+                type(self).at_once -= 1
+
+    source = Parallel(30, bad=(7,), seconds=0.002)
+    seen: list[int] = []
+    with prefetch(source, 2, ahead, several) as frames:
+        assert threads() == min(ahead, several)
+        while len(seen) < 28:
+            assert len(source.read) <= len(seen) + ahead
+            try:
+                seen.append(int(frames.take()[0, 0, 0]))
+            except FrameUnreadable:
+                seen.append(-1)
+    assert threads() == 0
+    assert seen == [-1 if number == 7 else number for number in range(2, 30)]
+    assert 1 < source.most <= min(ahead, several)
+    plain = Source(30)
+    with prefetch(plain, 0, ahead, several) as frames:
+        assert threads() == 1
+        assert next(iter(frames))[0, 0, 0] == 0
+
+
 def test_waiting_is_shorter_than_reading() -> None:
     def waited(ahead: int) -> float:
         total = 0.0

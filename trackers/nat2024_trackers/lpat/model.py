@@ -19,14 +19,14 @@ _EPSILON = 1e-3
 _NEAR = 2
 
 
-def far_mask(height: int, width: int) -> Tensor:
+def far_mask(height: int, width: int, device: torch.device | None = None) -> Tensor:
     """(cells, cells): 0 where the second cell lies in the 5x5 neighbourhood of the first, else 1.
 
     Official code differs from the paper: the mask is one of numbers, not of truth values, so it is
     added to the attention's logits and favours far cells a little instead of shutting them out.
     """
-    rows = torch.arange(height)[:, None].expand(height, width).flatten()
-    columns = torch.arange(width).expand(height, width).flatten()
+    rows = torch.arange(height, device=device)[:, None].expand(height, width).flatten()
+    columns = torch.arange(width, device=device).expand(height, width).flatten()
     distance = torch.maximum(
         (rows[:, None] - rows[None]).abs(), (columns[:, None] - columns[None]).abs()
     )
@@ -200,7 +200,7 @@ class LocalPerceptionTransformer(nn.Module):
     def forward(self, code: Tensor, third: Tensor, fourth: Tensor, fifth: Tensor) -> Tensor:
         """Position code and maps of the stages, (n, 192, s, s), to one map of that shape."""
         size = (third.shape[2], third.shape[3])
-        mask = far_mask(*size).to(third)
+        mask = far_mask(*size, third.device).to(third)
         encoded = self.encoder1(fourth, third, code, mask)
         memory = to_tokens(self.encoder2(fifth, encoded, code, mask))
         tokens = to_tokens(fifth + self.preset(fifth))
