@@ -157,7 +157,8 @@ def _padded(maps: Tensor, before: int, high: int, wide: int, more: int) -> Tenso
 def _bands(count: int, down: int, across: int) -> Iterator[tuple[slice, slice]]:
     """Images and rows of tiles that are computed together."""
     images = max(_TILES // (down * across), 1)
-    rows = down if images > 1 else max(_TILES // across, 1)
+    parts = -(-down // max(_TILES // across, 1))
+    rows = -(-down // parts)  # of equal height
     for first in range(0, count, images):
         for top in range(0, down, rows):
             yield slice(first, min(first + images, count)), slice(top, min(top + rows, down))

@@ -7,6 +7,8 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
+from nat2024.networks.convolving import Convolution
+from nat2024.networks.folding import Derived, may_derive
 from nat2024_trackers.siamapn.network import (
     CHANNELS,
     STAGE4_CHANNELS,
@@ -63,6 +65,7 @@ class FusedHeads(ScoreHeads):
         self.add = nn.ConvTranspose2d(2 * CHANNELS, CHANNELS, 3)
         self.resize = _shrinking(CHANNELS)
         self.add_classifiers()
+        self._add = Derived(self.add, self._as_convolution)
 
     def embed(self, fifth: Tensor) -> Kernels:
         """One kernel, (n, 256, 4, 4)."""
@@ -73,7 +76,13 @@ class FusedHeads(ScoreHeads):
         [kernel] = kernels
         resized = self.resize(depthwise_correlation(self.conv1(fifth), kernel))
         both = torch.cat([resized, self.conv_offset(proposed)], dim=1)
-        return self.read(self.add(F.relu(both)))
+        add = self._add() if may_derive(self) else self.add
+        return self.read(add(F.relu(both)))
+
+    def _as_convolution(self) -> Convolution:
+        """`add` as what it is at stride 1: a convolution with the kernel turned around."""
+        weight = self.add.weight.transpose(0, 1).flip(2, 3)
+        return Convolution(weight, self.add.bias, padding=weight.shape[-1] - 1)
 
 
 def _shrinking(channels: int) -> Layers:
