@@ -2,6 +2,7 @@
 
 import contextlib
 import logging
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextvars import ContextVar
 from dataclasses import dataclass, field
@@ -79,6 +80,9 @@ class CompiledPart:
     Sessions are opened at the first call of each shape, for as many threads as torch computes on
     then, and anew when the network's weights have changed. Where the first backend fails its check
     the next takes over, with a line of log; the last one's failure is raised.
+
+    Attributes:
+        answered: how many calls each backend has answered.
     """
 
     def __init__(
@@ -96,6 +100,7 @@ class CompiledPart:
         self.module, self.name, self.part = module, name, part
         self.device, self.precision = device, precision
         self._backends = list(backends)
+        self.answered: Counter[BackendName] = Counter()
         self._threads = 0
         self._is_dynamic = part.dynamic
         # Empty again as soon as a weight has changed.
@@ -115,7 +120,7 @@ class CompiledPart:
         import torch
 
         if self._is_left_to_torch() or _is_all_in_torch.get() or torch.is_grad_enabled():
-            return self.part.run(*inputs)
+            return self._in_torch(inputs)
         opened = self._opened()
         if self._threads != torch.get_num_threads():
             self._threads = torch.get_num_threads()
@@ -123,14 +128,20 @@ class CompiledPart:
         shapes = tuple(tuple(one.shape) for one in inputs)
         if shapes not in opened.checked:
             if len(opened.checked) >= _MOST_SHAPES and not self._is_dynamic:
-                return self.part.run(*inputs)
+                return self._in_torch(inputs)
             wanted = self.part.run(*inputs)
             self._open_checked(opened, inputs, shapes, wanted)
             if self._is_left_to_torch():
+                self.answered["torch"] += 1
                 return wanted
             opened.checked.add(shapes)
             opened.forget_oldest()
+        self.answered[self.backend] += 1
         return self._run(opened.sessions[self._key(shapes)], inputs)
+
+    def _in_torch(self, inputs: "Sequence[torch.Tensor]") -> Outputs:
+        self.answered["torch"] += 1
+        return self.part.run(*inputs)
 
     def _is_left_to_torch(self) -> bool:
         return self.backend == "torch"

@@ -110,6 +110,7 @@ class ActiveRun:
             manifest = self._manifest()
             manifest.timing = stage_times(self.folder)
             manifest.skipped_frames = self.folder.skipped_frames()
+            manifest.other_backends = self.folder.other_backends()
             failures = {**manifest.failures, **self.failures}
             manifest.failures = {n: why for n, why in failures.items() if not self.folder.has(n)}
             for session in manifest.sessions:

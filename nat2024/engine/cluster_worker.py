@@ -5,10 +5,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TypeAlias
 
+from nat2024.engine.backends_used import run_and_note_backends
 from nat2024.engine.kept_trackers import KeptTrackers
 from nat2024.engine.plan import describe, untouched_options
 from nat2024.engine.reporting import Throttled
-from nat2024.engine.units import Outcome, Trackers, Unit, run_unit
+from nat2024.engine.units import Outcome, Trackers, Unit
 from nat2024.engine.workers import Setting, prepare_process, stay_on
 from nat2024.errors import ClusterFailed, FrameUnreadable, NatBenchError
 from nat2024.store import Manifest, setting_differences
@@ -73,7 +74,7 @@ def run_on_worker(unit: Unit, expected: Expected, setting: Setting, topic: str, 
         return Answer((), f"worker {worker.address}: {fault}; {where}", is_without_frames=True)
     seconds = _TELL_SECONDS if setting.timeout is None else min(_TELL_SECONDS, setting.timeout / 4)
     progress = Throttled(tell, seconds)
-    outcomes = tuple(run_unit(unit, trackers, progress))
+    outcomes = tuple(run_and_note_backends(unit, trackers, progress))
     progress.flush()
     return Answer(outcomes)
 

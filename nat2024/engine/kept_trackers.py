@@ -1,5 +1,7 @@
 """The trackers that a worker keeps: those of its last units, not all that ever passed through."""
 
+import contextlib
+import ctypes
 import gc
 from collections.abc import Sequence
 
@@ -38,8 +40,13 @@ class KeptTrackers(Trackers):
 
 
 def _return_memory() -> None:
-    """Networks refer to themselves in circles, and CUDA's memory stays with torch."""
+    """Networks refer to themselves in circles, and both torch and the C library keep what is free.
+
+    Without `malloc_trim` a worker that gives networks up and builds others holds more and more.
+    """
     gc.collect()
     import torch
 
     torch.cuda.empty_cache()  # nothing where CUDA was never used
+    with contextlib.suppress(AttributeError, OSError, TypeError):  # another C library than GNU's
+        ctypes.CDLL(None).malloc_trim(0)

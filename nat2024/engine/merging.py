@@ -77,6 +77,7 @@ def merge_results(sources: Iterable[str | Path], out: str | Path) -> MergeReport
                     copied += 1
             manifest.timing = stage_times(target)
             manifest.skipped_frames = target.skipped_frames()
+            manifest.other_backends = target.other_backends()
             left = manifest.failures.items()
             manifest.failures = {n: why for n, why in left if not target.has(n)}
             failures += len(manifest.failures)
@@ -166,7 +167,12 @@ def _choose(parts: list[_Part]) -> Mapping[str, _Part]:
 
 def _copy(sequence: str, source: RunFolder, target: RunFolder) -> None:
     """Files as they are, boxes last, since they say that the sequence is finished."""
-    for pick in (RunFolder.skipped_file, RunFolder.time_file, RunFolder.box_file):
+    for pick in (
+        RunFolder.skipped_file,
+        RunFolder.backends_file,
+        RunFolder.time_file,
+        RunFolder.box_file,
+    ):
         path = pick(source, sequence)
         if path.is_file():
             write_atomic(pick(target, sequence), path.read_bytes())

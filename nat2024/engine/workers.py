@@ -21,10 +21,11 @@ from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from typing import Any
 
+from nat2024.engine.backends_used import run_and_note_backends
 from nat2024.engine.kept_trackers import KeptTrackers
 from nat2024.engine.planning import TOGETHER
 from nat2024.engine.reporting import Throttled
-from nat2024.engine.units import Job, Outcome, Progress, Trackers, Unit, run_unit
+from nat2024.engine.units import Job, Outcome, Progress, Trackers, Unit
 from nat2024.errors import NatBenchError, UsageError
 from nat2024.registry import load_plugin_file
 
@@ -77,7 +78,7 @@ def run_in_process(
 ) -> Iterator[Outcome]:
     """Run units one after another in this process."""
     for unit in units:
-        yield from run_unit(unit, trackers, progress)
+        yield from run_and_note_backends(unit, trackers, progress)
 
 
 def run_in_workers(
@@ -353,7 +354,7 @@ def _work(wire: Connection, setting: Setting, device: str) -> None:
             wire.send(("ready", None))
             unit = wire.recv()
             trackers.make_room(unit.combinations)
-            for outcome in run_unit(unit, trackers, progress):
+            for outcome in run_and_note_backends(unit, trackers, progress):
                 progress.flush()
                 wire.send(("outcome", outcome))
 

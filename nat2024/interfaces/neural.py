@@ -2,6 +2,7 @@
 
 import contextlib
 from abc import ABC, abstractmethod
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
@@ -95,6 +96,11 @@ class NeuralEnhancer(Enhancer, ABC):
         self._parts = compile_parts(
             self.model, self.parts(), backends, device=device, precision=precision
         )
+
+    @property
+    def answered(self) -> "Counter[BackendName]":
+        """How many calls of parts of the network each backend has answered."""
+        return sum((part.answered for part in self._parts.values()), Counter())
 
     @abstractmethod
     def build(self) -> "torch.nn.Module":

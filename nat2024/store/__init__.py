@@ -4,6 +4,7 @@
 RESULTS/DATASET/RUN/SEQUENCE.txt        x,y,w,h a line, one line a frame
 RESULTS/DATASET/RUN/time/SEQUENCE.csv   read,enhance,track seconds a frame
 RESULTS/DATASET/RUN/skipped/SEQUENCE.csv  numbers of the frames that were skipped, if any
+RESULTS/DATASET/RUN/backends/SEQUENCE.json  backends that took over, if any
 RESULTS/DATASET/RUN/run.json            manifest
 ```
 

@@ -120,6 +120,8 @@ class Manifest(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
         failures: reason by sequence, for those that have no result.
         starts: by sequence, what tells its length and first box (`Sequence.start_digest`).
         skipped_frames: by sequence, the 0-based numbers of the frames that could not be read.
+        other_backends: by sequence and plugin, the backends that ran it, where that is not just the
+            one of its options: it failed its check there, and others took over.
         timing: over all finished sequences.
         imported: where the run was taken from, if another program tracked it; `scope`, `device`
             and `threads` are then empty.
@@ -139,6 +141,7 @@ class Manifest(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
     failures: dict[str, str] = {}
     starts: dict[str, str] = {}
     skipped_frames: dict[str, list[int]] = {}
+    other_backends: dict[str, dict[str, list[str]]] = {}
     timing: StageTimes | None = None
     imported: ImportRecord | None = None
     format: int = FORMAT

@@ -2,8 +2,8 @@
 
 import contextlib
 import os
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
 
@@ -99,11 +99,14 @@ class Track:
         boxes: float64 (n, 4).
         seconds: float64 (n, 3) of `STAGES`.
         skipped: 0-based numbers of the frames that could not be read; their boxes are repeated.
+        other_backends: by plugin (`NAME[@LABEL]`), the backends that ran it, where that is not just
+            the one that its options name.
     """
 
     boxes: Boxes
     seconds: Floats
     skipped: tuple[int, ...] = ()
+    other_backends: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
 class RunFolder:
@@ -152,6 +155,10 @@ class RunFolder:
     def skipped_file(self, sequence: str) -> Path:
         """Where the numbers of skipped frames of a sequence are kept, if there are any."""
         return self.path / "skipped" / f"{sequence}.csv"
+
+    def backends_file(self, sequence: str) -> Path:
+        """Where backends are kept that took over on a sequence, if there are any."""
+        return self.path / "backends" / f"{sequence}.json"
 
     def has(self, sequence: str) -> bool:
         """Whether the sequence is finished."""
@@ -203,6 +210,11 @@ class RunFolder:
             write_atomic(skipped, "".join(f"{number}\n" for number in track.skipped))
         else:
             skipped.unlink(missing_ok=True)
+        backends = self.backends_file(sequence)
+        if track.other_backends:
+            write_atomic(backends, msgspec.json.encode(dict(track.other_backends)) + b"\n")
+        else:
+            backends.unlink(missing_ok=True)
         rows = (",".join(f"{value:.6f}" for value in row) for row in track.seconds.tolist())
         write_atomic(self.time_file(sequence), "\n".join([",".join(STAGES), *rows, ""]))
         write_boxes(self.box_file(sequence), track.boxes)
@@ -217,6 +229,24 @@ class RunFolder:
         for path in sorted(self.path.glob("skipped/*.csv")):
             if self.has(path.stem):
                 found[path.stem] = _read_numbers(path)
+        return found
+
+    def other_backends(self) -> dict[str, dict[str, list[str]]]:
+        """Backends that took over, by finished sequence and plugin; see `Track`.
+
+        Raises:
+            ResultConflict: a file of them holds anything else.
+        """
+        found = {}
+        for path in sorted(self.path.glob("backends/*.json")):
+            if self.has(path.stem):
+                try:
+                    found[path.stem] = msgspec.json.decode(
+                        path.read_bytes(), type=dict[str, list[str]]
+                    )
+                except (ValueError, RecursionError):
+                    msg = f"{path}: expected lists of backends by plugin; move the file away"
+                    raise ResultConflict(msg) from None
         return found
 
     @contextlib.contextmanager
@@ -245,7 +275,7 @@ class RunFolder:
 
     def clean(self) -> None:
         """Remove what killed processes have left half written."""
-        for folder in (self.path, self.path / "time", self.path / "skipped"):
+        for folder in (self.path, *(self.path / name for name in ("time", "skipped", "backends"))):
             remove_leftovers(folder)
 
     def manifest(self) -> Manifest | None:

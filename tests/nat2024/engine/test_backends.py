@@ -7,7 +7,7 @@ import pytest
 
 from nat2024 import load_dataset
 from nat2024.backends import OPENVINO_FIRST, is_installed, runtimes
-from nat2024.engine import combine, run_benchmark
+from nat2024.engine import combine, merge_results, run_benchmark
 from nat2024.errors import ResultConflict, UsageError
 from nat2024.store import RunFolder
 from nat2024_trackers.siamese.tracker import SiameseTracker
@@ -82,10 +82,21 @@ def test_a_begun_run_goes_on_with_what_took_over(
         msg = "broken here"
         raise RuntimeError(msg)
 
-    monkeypatch.setattr(runtimes, "_open_openvino", refuse)
-    run(night_clip, tmp_path / "results", "auto")
+    with monkeypatch.context() as patch:
+        patch.setattr(runtimes, "_open_openvino", refuse)
+        run(night_clip, tmp_path / "results", "auto")
     again = run(night_clip, tmp_path / "results", "auto", "wide")
     assert again.finished() == ["narrow", "wide"]
+    manifest = again.manifest()
+    assert manifest is not None
+    assert manifest.tracker.options["backend"] == "openvino"
+    took_over = "onnxruntime" if is_installed("onnxruntime", "cpu") else "torch"
+    assert manifest.other_backends == {"narrow": {"siamrpnpp": [took_over]}}
+    assert [p.name for p in again.path.glob("backends/*")] == ["narrow.json"]
+    merge_results([tmp_path / "results"], tmp_path / "merged")
+    merged = RunFolder(tmp_path / "merged" / "night_clip" / "siamrpnpp+gamma").manifest()
+    assert merged is not None
+    assert merged.other_backends == manifest.other_backends
 
 
 def test_a_device_that_is_none_is_named(night_clip: Path, tmp_path: Path) -> None:

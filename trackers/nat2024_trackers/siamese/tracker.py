@@ -1,6 +1,7 @@
 """The loop: crop, enhance, network, decode, penalise, update, for one or several sequences."""
 
 from abc import ABC, abstractmethod
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeAlias
@@ -107,9 +108,10 @@ class SiameseTracker(Tracker):
         backends = backends_of(backend, self.device, precision, self.fastest_backends)
         self.backend, self.precision = backends[0], precision
         self.model: Any = model.to(device).eval()
-        self._compiled = _PartedNetwork(
-            compile_parts(self.model, self.parts(), backends, device=device, precision=precision)
+        self._parts = compile_parts(
+            self.model, self.parts(), backends, device=device, precision=precision
         )
+        self._compiled = _PartedNetwork(self._parts)
         self._replayed: tuple[Any, _PartedNetwork] | None = None
         self.decoder = decoder
         self.constants = constants
@@ -135,6 +137,11 @@ class SiameseTracker(Tracker):
             parts = {name: Replayed(self.model, part.run) for name, part in self.parts().items()}
             self._replayed = self.model, _PartedNetwork(parts)
         return self._replayed[1]
+
+    @property
+    def answered(self) -> "Counter[BackendName]":
+        """How many calls of parts of the network each backend has answered."""
+        return sum((part.answered for part in self._parts.values()), Counter())
 
     def parts(self) -> dict[str, Part]:
         """What another backend runs; sizes of crops are constants of the tracker."""
