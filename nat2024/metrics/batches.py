@@ -108,7 +108,7 @@ def pair_of(given: Sequence[Aligned], protocol: Protocol) -> Pair:
     """What is measured at once: all have flags of visibility, or none has any."""
     lengths = [len(one.truth) for one in given]
     filled = None
-    if any(one.present < len(one.truth) for one in given):
+    if [one.present for one in given] != lengths:
         filled = np.concatenate([np.arange(len(one.truth)) < one.present for one in given])
     flags = [one.visible for one in given if one.visible is not None]
     return Pair(

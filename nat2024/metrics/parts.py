@@ -1,5 +1,6 @@
 """Frames of several sequences, one after the other, computed with at once."""
 
+import functools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -9,26 +10,28 @@ import numpy.typing as npt
 from nat2024.types import Flags
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Parts:
     """Which rows of an array belong to which of several sequences.
 
     Attributes:
         lengths: int64 (s,), rows of each sequence, at least one.
         starts: intp (s,), its first row.
-        number: intp (n,), the sequence of each row.
     """
 
     lengths: npt.NDArray[np.int64]
     starts: npt.NDArray[np.intp]
-    number: npt.NDArray[np.intp]
 
     @classmethod
     def of(cls, lengths: Sequence[int]) -> "Parts":
         """The parts of these lengths."""
         counts = np.array(lengths, dtype=np.int64)
-        starts = (counts.cumsum() - counts).astype(np.intp)
-        return cls(counts, starts, np.repeat(np.arange(len(counts)), counts))
+        return cls(counts, (counts.cumsum() - counts).astype(np.intp, copy=False))
+
+    @functools.cached_property
+    def number(self) -> npt.NDArray[np.intp]:
+        """Intp (n,), the sequence of each row."""
+        return np.repeat(np.arange(self.lengths.size), self.lengths)
 
     def __len__(self) -> int:
         """Number of sequences."""
