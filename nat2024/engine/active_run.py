@@ -12,7 +12,7 @@ from pathlib import Path
 
 import msgspec
 
-from nat2024.engine.machine import timestamp
+from nat2024.engine.machine import timestamp, version_differences
 from nat2024.engine.plan import Combination
 from nat2024.engine.units import Outcome
 from nat2024.errors import NatBenchError, ResultConflict
@@ -84,6 +84,7 @@ class ActiveRun:
         with self.folder.alone():
             manifest = open_run(self.folder, self.wanted, self.untouched)
             manifest.starts |= self.wanted.starts
+            self._tell_other_versions(manifest, session)
             manifest.sessions.append(self._session)
             self.folder.write_manifest(manifest)
 
@@ -128,6 +129,15 @@ class ActiveRun:
         assert self._session is not None
         self.wanted.sessions = [self._session]  # somebody took it away
         return self.wanted
+
+    def _tell_other_versions(self, manifest: Manifest, session: Session) -> None:
+        changes = version_differences(manifest.sessions, [session])
+        if changes:
+            log.warning(
+                "%s goes on with other versions than it began with, boxes may depend on them: %s",
+                self.combination.run,
+                "; ".join(changes),
+            )
 
     def _tell_skipped(self, manifest: Manifest) -> None:
         for name, frames in manifest.skipped_frames.items():

@@ -67,6 +67,7 @@ class _Way:
     workers: int
     batch: int
     cluster: "str | Client | None"
+    shard: str
 
     @property
     def in_process(self) -> bool:
@@ -87,6 +88,7 @@ def run_benchmark(
     timeout: float | None = None,
     retries: int = 2,
     cluster: "str | Client | None" = None,
+    shard: str = "",
     plugins: tuple[str, ...] = (),
     progress: Progress = _no_progress,
 ) -> BenchmarkReport:
@@ -109,6 +111,7 @@ def run_benchmark(
         timeout: seconds that a combination may take for a sequence; then that fails.
         retries: how often a sequence is tried again whose worker died.
         cluster: address of a Dask scheduler, "local", "slurm", or a `distributed.Client`.
+        shard: `I/N` where `dataset` is one of N parts of another, for whom brings them together.
         plugins: plugin files that spawned workers must load.
         progress: called with frames done since the last call and what is being tracked.
 
@@ -127,6 +130,7 @@ def run_benchmark(
         workers,
         batch,
         cluster,
+        shard,
     )
     _check(combinations, dataset, way)
     folder = Path(results) / dataset.name
@@ -232,6 +236,7 @@ def _session(units: list[Unit], way: _Way) -> Session:
         read_ahead=way.reading.ahead,
         together=max((len(unit.combinations) for unit in units), default=1),
         cluster="" if way.cluster is None else _cluster_name(way.cluster),
+        shard=way.shard,
         process=process_name(),
         versions=versions(),
         machine=machine(),

@@ -7,10 +7,15 @@ import platform
 import secrets
 import subprocess
 import time
+from collections import defaultdict
+from collections.abc import Iterable
 from datetime import UTC, datetime
 from pathlib import Path
 
-_VERSIONED = ("nat-bench", "numpy", "opencv-python-headless", "torch")
+from nat2024.store import Session
+
+_VERSIONED = ("nat-bench", "numpy", "onnxruntime", "opencv-python-headless", "openvino", "torch")
+_HARMLESS = ("python", "revision")  # what they change is told by the version of nat-bench
 
 
 def timestamp() -> str:
@@ -38,6 +43,24 @@ def versions() -> dict[str, str]:
             found["revision"] = subprocess.run(
                 command, capture_output=True, text=True, check=True, timeout=10
             ).stdout.strip()
+    return found
+
+
+def version_differences(one: Iterable[Session], other: Iterable[Session]) -> list[str]:
+    """Versions that some sessions do not share with others and that results may depend on."""
+    before, after = _all_versions(one), _all_versions(other)
+    return [
+        f"{name} {'/'.join(sorted(before[name]))} (now {'/'.join(sorted(after[name]))})"
+        for name in sorted(before.keys() & after.keys() - set(_HARMLESS))
+        if before[name] != after[name]
+    ]
+
+
+def _all_versions(sessions: Iterable[Session]) -> dict[str, set[str]]:
+    found: dict[str, set[str]] = defaultdict(set)
+    for session in sessions:
+        for name, version in session.versions.items():
+            found[name].add(version)
     return found
 
 

@@ -1,5 +1,6 @@
 """Bringing results together that were made apart: shards, machines, people."""
 
+import logging
 from collections import defaultdict
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -8,9 +9,12 @@ from pathlib import Path
 import msgspec
 
 from nat2024.engine.active_run import stage_times
+from nat2024.engine.machine import version_differences
 from nat2024.errors import DatasetNotFound, ResultConflict
 from nat2024.files import write_atomic
 from nat2024.store import Manifest, RunFolder, setting_differences
+
+log = logging.getLogger("nat2024")
 
 _DATASET_PARTS = (
     "name",
@@ -29,6 +33,7 @@ class MergeReport:
         copied: sequences that were copied, over all runs.
         present: sequences that were there already, with the same boxes.
         failures: sequences that some source failed on and no source has a result of.
+        incomplete: a line for each run that lacks something, as far as manifests tell.
     """
 
     folder: Path
@@ -36,6 +41,7 @@ class MergeReport:
     copied: int
     present: int
     failures: int
+    incomplete: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,17 +52,20 @@ class _Part:
     manifest: Manifest
 
 
-def merge_results(sources: Iterable[str | Path], out: str | Path) -> MergeReport:
+def merge_results(
+    sources: Iterable[str | Path], out: str | Path, *, other_versions: bool = False
+) -> MergeReport:
     """Bring results folders together; everything is checked before anything is written.
 
     Args:
         sources: results folders, each with `DATASET/RUN` folders.
         out: where all goes; results that are there already take part as a source does.
+        other_versions: whether sources may have been made with other versions of libraries.
 
     Raises:
         DatasetNotFound: a source holds no results.
-        ResultConflict: two sources made a run with other settings, on other sequences of the same
-            names, or got other boxes; or a run has no manifest.
+        ResultConflict: two sources made a run with other settings or versions, on other sequences
+            of the same names, or got other boxes; or a run has no manifest.
     """
     out = Path(out)
     found = [_parts(Path(source)) for source in sources]
@@ -65,9 +74,12 @@ def merge_results(sources: Iterable[str | Path], out: str | Path) -> MergeReport
         name: [parts[name] for parts in (present, *found) if name in parts]
         for name in sorted({name for parts in (present, *found) for name in parts})
     }
-    merged = {name: _merge_manifests(parts) for name, parts in plan.items()}
+    merged = {
+        name: _merge_manifests(parts, other_versions=other_versions) for name, parts in plan.items()
+    }
     chosen = {name: _choose(parts) for name, parts in plan.items()}
     copied = failures = 0
+    incomplete: list[str] = []
     for name, manifest in merged.items():
         target = RunFolder(out / name)
         with target.alone():
@@ -81,9 +93,31 @@ def merge_results(sources: Iterable[str | Path], out: str | Path) -> MergeReport
             left = manifest.failures.items()
             manifest.failures = {n: why for n, why in left if not target.has(n)}
             failures += len(manifest.failures)
+            incomplete += [f"{name}: {what}" for what in _missing(manifest, target)]
             target.write_manifest(manifest)
     total = sum(len(sequences) for sequences in chosen.values())
-    return MergeReport(out, tuple(merged), copied, total - copied, failures)
+    for line in incomplete:
+        log.warning("%s", line)
+    return MergeReport(
+        out, tuple(merged), copied, total - copied, failures, incomplete=tuple(incomplete)
+    )
+
+
+def _missing(manifest: Manifest, folder: RunFolder) -> list[str]:
+    """What is not there and was to be there: whole shards, and sequences that were begun."""
+    lines = []
+    shards = {session.shard for session in manifest.sessions}
+    counts = {shard.partition("/")[2] for shard in shards}
+    if len(counts) == 1 and "" not in counts:  # all of them parts of one division
+        [count] = counts
+        absent = [str(n) for n in range(1, int(count) + 1) if f"{n}/{count}" not in shards]
+        if absent:
+            lines.append(f"without shard {', '.join(absent)} of {count}")
+    left = sorted({*manifest.starts} - {*manifest.failures} - {*folder.finished()})
+    if left:
+        shown = ", ".join(left[:5]) + (", ..." if len(left) > 5 else "")
+        lines.append(f"begun and not finished: {shown}")
+    return lines
 
 
 def _parts(source: Path) -> dict[str, _Part]:
@@ -105,7 +139,7 @@ def _parts(source: Path) -> dict[str, _Part]:
     return found
 
 
-def _merge_manifests(parts: list[_Part]) -> Manifest:
+def _merge_manifests(parts: list[_Part], *, other_versions: bool) -> Manifest:
     """One manifest that tells of all.
 
     Raises:
@@ -120,6 +154,14 @@ def _merge_manifests(parts: list[_Part]) -> Manifest:
             msg = (
                 f"{part.folder.path} was made with other settings than {first.folder.path}: "
                 f"{'; '.join(differences)}"
+            )
+            raise ResultConflict(msg)
+        changes = version_differences(first.manifest.sessions, other.sessions)
+        if changes and not other_versions:
+            msg = (
+                f"{part.folder.path} was made with other versions than {first.folder.path}: "
+                f"{'; '.join(changes)}; boxes may depend on them "
+                "(--other-versions brings them together all the same)"
             )
             raise ResultConflict(msg)
         known = {session.process for session in manifest.sessions if session.process}

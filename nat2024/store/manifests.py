@@ -67,6 +67,7 @@ class Session(msgspec.Struct, forbid_unknown_fields=True):
         read_ahead: frames decoded ahead.
         together: combinations that shared decoded frames, at most.
         cluster: kind or address of the cluster, empty for one machine.
+        shard: `I/N` where it was one of N parts of a dataset.
         process: tells this call from all others.
         versions: of what results depend on.
         machine: where it ran.
@@ -78,6 +79,7 @@ class Session(msgspec.Struct, forbid_unknown_fields=True):
     read_ahead: int = 0
     together: int = 1
     cluster: str = ""
+    shard: str = ""
     process: str = ""
     versions: dict[str, str] = {}
     machine: dict[str, str] = {}

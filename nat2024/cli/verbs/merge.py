@@ -23,18 +23,24 @@ from nat2024.cli.output import print_json
     metavar="DIR",
     help="Where all goes; results that are there already take part.",
 )
+@click.option(
+    "--other-versions",
+    is_flag=True,
+    help="Even where results were made with other versions of libraries.",
+)
 @shared.json_option
 @shared.messages
-def command(shards: tuple[Path, ...], out: Path, as_json: bool) -> int:
+def command(shards: tuple[Path, ...], out: Path, other_versions: bool, as_json: bool) -> int:
     """Bring results folders together, such as those of `run --shard` on several machines.
 
-    Manifests must agree on options, weights, scope, device, threads and dataset, and boxes of the
-    same sequence must be the same; everything is checked before anything is written. With --json:
-    folder, runs, copied, present and failures.
+    Manifests must agree on options, weights, scope, device, threads, dataset and versions, and
+    boxes of the same sequence must be the same; everything is checked before anything is written.
+    Shards that are missing are named. With --json: folder, runs, copied, present, failures and
+    incomplete.
     """
     from nat2024.engine import merge_results
 
-    report = merge_results(shards, out)
+    report = merge_results(shards, out, other_versions=other_versions)
     if as_json:
         print_json(report)
     else:

@@ -140,6 +140,7 @@ def command(
             threads=threads,
             batch=batch,
             cluster=cluster,
+            shard=part or "",
             timeout=timeout,
             retries=retries,
             on_bad_frame=on_bad_frame,

@@ -1,6 +1,7 @@
 """Shards of a run, brought together: as if it had been one."""
 
 import json
+import re
 import shutil
 from pathlib import Path
 from typing import Any
@@ -74,7 +75,10 @@ def test_what_does_not_belong_together_is_refused_and_nothing_written(
 ) -> None:
     manifest = shards[1] / "night_clip" / "still+clahe" / "run.json"
     original = manifest.read_text()
+    tracker = json.loads(original)["tracker"]
+    weights = {"origin": "given", "path": "/x.pth", "sha256": "ab" * 32}
     cases: list[tuple[dict[str, Any], str]] = [
+        ({"tracker": {**tracker, "weights": weights}}, r"weights of still unset \(now ababab"),
         ({"threads": 2}, r"threads 1 \(now 2\)"),
         ({"batch": 4}, r"batch 1 \(now 4\)"),
         ({"scope": "patch"}, r"scope frame \(now patch\)"),
@@ -100,6 +104,60 @@ def test_other_boxes_of_one_sequence_are_refused(tmp_path: Path, shards: list[Pa
     with pytest.raises(ResultConflict, match=rf"{name}\.txt hold other boxes; remove one"):
         merge_results([shards[0], copy], tmp_path / "merged")
     assert not (tmp_path / "merged").exists()
+
+
+def test_other_versions_are_refused_unless_they_are_asked_for(
+    tmp_path: Path, shards: list[Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = shards[1] / "night_clip" / "still+clahe" / "run.json"
+    sessions = json.loads(path.read_text())["sessions"]
+    torch = sessions[0]["versions"]["torch"]
+    for name in ("python", "revision", "torch"):
+        sessions[0]["versions"][name] = "1.0"
+        change(path, sessions=sessions)
+        if name != "torch":  # these are told by the version of nat-bench
+            merge_results(shards, tmp_path / name)
+    with pytest.raises(ResultConflict, match=rf"torch {re.escape(torch)} \(now 1\.0\)"):
+        merge_results(shards, tmp_path / "merged")
+    assert not (tmp_path / "merged").exists()
+    words = ["merge", *map(str, shards), "--out", str(tmp_path / "merged"), "--other-versions"]
+    assert nat_bench(words) == 1  # `fails` fails
+    assert len(box_files(tmp_path / "merged")) == 5
+
+
+def test_what_is_missing_is_named(
+    night_clip: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    dataset = nat2024.load_dataset(night_clip)
+    for number in (1, 2, 3):
+        part = shard(dataset, number, 3)
+        results = tmp_path / str(number)
+        run_benchmark(combine(["still"], ["none"]), part, results, shard=f"{number}/3")
+    report = merge_results([tmp_path / "1", tmp_path / "3"], tmp_path / "all")
+    assert report.incomplete == ("night_clip/still: without shard 2 of 3",)
+    assert caplog.messages == list(report.incomplete)
+    report = merge_results([tmp_path / "2"], tmp_path / "all")
+    assert report.incomplete == ()
+    [name] = RunFolder(tmp_path / "2" / "night_clip" / "still").finished()
+    for folder in ("2", "all"):
+        RunFolder(tmp_path / folder / "night_clip" / "still").box_file(name).unlink()
+    report = merge_results([tmp_path / "2"], tmp_path / "all")
+    assert report.incomplete == (f"night_clip/still: begun and not finished: {name}",)
+
+
+def test_shards_that_overlap_must_agree(night_clip: Path, tmp_path: Path) -> None:
+    dataset = nat2024.load_dataset(night_clip)
+    for number, count in ((1, 2), (2, 2), (1, 3)):
+        part = shard(dataset, number, count)
+        results = tmp_path / f"{number}-{count}"
+        run_benchmark(combine(["still"], ["none"]), part, results, shard=f"{number}/{count}")
+    report = merge_results([tmp_path / "1-2", tmp_path / "2-2", tmp_path / "1-3"], tmp_path / "all")
+    assert (report.copied, report.incomplete) == (3, ())
+    options = {"still": {"step": 1.0}}
+    other = combine(["still"], ["none"], options=options)
+    run_benchmark(other, shard(dataset, 2, 3), tmp_path / "other")
+    with pytest.raises(ResultConflict, match=r"still\.step 0\.0 \(now 1\.0\)"):
+        merge_results([tmp_path / "1-2", tmp_path / "other"], tmp_path / "mixed")
 
 
 def test_sources_without_results_or_manifests(tmp_path: Path, shards: list[Path]) -> None:
@@ -131,6 +189,7 @@ def test_from_the_command_line(
         "copied": 0,
         "present": 3,
         "failures": 0,
+        "incomplete": [],
     }
     assert nat_bench([*words, "--results", str(tmp_path / "x"), "--shard", "3"]) == 2
     assert "--shard '3': expected I/N, such as 2/8" in capsys.readouterr().err
