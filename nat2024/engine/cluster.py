@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
-from nat2024.engine.cluster_worker import Answer, Expected, first_frame_fault, run_on_worker
+from nat2024.engine.cluster_worker import Answer, Expected, first_frame_fault, forget, run_on_worker
 from nat2024.engine.plan import PluginSpec
 from nat2024.engine.units import Job, Outcome, Progress, Unit
 from nat2024.engine.workers import DIED, Setting, born_deaf_to_interrupts, sort_out
@@ -217,6 +217,8 @@ class _Campaign:
                 self._submit()
                 yield from self._listen()
                 yield from self._end_the_stuck()
+            with contextlib.suppress(Exception):  # a worker that goes now has nothing to forget
+                self._client.run(forget, self._topic, on_error="ignore")
         finally:
             with contextlib.suppress(Exception):  # the cluster may be gone, and that told already
                 self._client.cancel([task.future for task in self._tasks.values()])

@@ -1,6 +1,7 @@
 """What a worker of a Dask cluster does: units, whose outcomes go back to the client."""
 
 import threading
+import weakref
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TypeAlias
@@ -31,6 +32,8 @@ class Answer:
 
 
 _of_thread = threading.local()
+_campaigns: "weakref.WeakKeyDictionary[KeptTrackers, str]" = weakref.WeakKeyDictionary()
+"""Topics by the trackers of all threads."""
 
 
 def _trackers(topic: str, setting: Setting) -> KeptTrackers:
@@ -38,8 +41,16 @@ def _trackers(topic: str, setting: Setting) -> KeptTrackers:
     if getattr(_of_thread, "topic", "") != topic:
         prepare_process(setting)
         _of_thread.trackers, _of_thread.topic = KeptTrackers(), topic
+        _campaigns[_of_thread.trackers] = topic
     trackers: KeptTrackers = _of_thread.trackers
     return trackers
+
+
+def forget(topic: str) -> None:
+    """Let go the trackers of a campaign that has ended: its workers live on, for others too."""
+    for trackers, of in list(_campaigns.items()):
+        if of == topic:
+            trackers.clear()
 
 
 def run_on_worker(unit: Unit, expected: Expected, setting: Setting, topic: str, key: str) -> Answer:

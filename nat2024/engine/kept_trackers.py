@@ -38,6 +38,12 @@ class KeptTrackers(Trackers):
         if old:
             _return_memory()
 
+    def clear(self) -> None:
+        """Give up all."""
+        for kept in (self._used, self._made, self._enhancers):
+            kept.clear()
+        _return_memory()
+
 
 def _return_memory() -> None:
     """Networks refer to themselves in circles, and both torch and the C library keep what is free.

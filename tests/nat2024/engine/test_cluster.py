@@ -15,6 +15,7 @@ from typing import Any
 
 import msgspec
 import pytest
+import torch
 
 import nat2024
 from nat2024.cli import run as nat_bench
@@ -77,6 +78,28 @@ def test_the_same_bytes_from_a_cluster(
     manifest = RunFolder(report.folder / "still").manifest()
     assert manifest is not None
     assert manifest.sessions[0].cluster.startswith("tcp://")
+    assert list(client.run(count_trackers).values()) == [0]  # others need the memory
+
+
+def count_trackers() -> int:
+    from nat2024.engine.cluster_worker import _campaigns
+
+    assert _campaigns
+    return sum(len(trackers._made) for trackers in _campaigns)
+
+
+def test_workers_on_one_machine_take_its_devices_in_turn(
+    night_clip: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    chosen: list[str] = []
+    monkeypatch.setattr(torch.cuda, "device_count", lambda: 2)
+    monkeypatch.setattr(torch.cuda, "set_device", chosen.append)
+    combinations = combine(["still"], ["none"], device="cuda")
+    unit = Unit(tuple(combinations), tuple(nat2024.load_dataset(night_clip)), Reading())
+    for worker, device in ((0, "cuda:0"), (1, "cuda:1"), (2, "cuda:0"), ("named", "cuda")):
+        [one] = cluster_worker._in_turn(unit, worker).combinations
+        assert one.device == device
+    assert chosen == ["cuda:0", "cuda:1", "cuda:0"]
 
 
 def test_what_workers_lack_is_told_at_once(

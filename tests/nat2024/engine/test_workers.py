@@ -11,6 +11,7 @@ import pytest
 import nat2024
 from nat2024.engine import combine, run_benchmark
 from nat2024.engine import workers as crew
+from nat2024.engine.kept_trackers import KeptTrackers
 from nat2024.engine.lockstep import Reading
 from nat2024.engine.plan import Combination, PluginSpec
 from nat2024.engine.units import Unit
@@ -86,6 +87,62 @@ def test_each_worker_has_a_device_of_its_own(
     assert crew._devices([unit]) == ["cuda:0", "cuda:1"]
     assert [c.device for c in unit.on_device("cuda:1").combinations] == ["cuda:1", "cpu"]
     assert crew._devices([Unit((one,), sequences, Reading())]) == [""]
+
+
+def units_of(runs: list[str], sequences: Any) -> list[Unit]:
+    return [
+        Unit((Combination(PluginSpec("still", label=run), None),), (sequence,), Reading())
+        for sequence in sequences
+        for run in runs
+    ]
+
+
+def test_a_worker_gets_near_units_for_the_trackers_that_it_has(night_clip: Path) -> None:
+    sequences = tuple(nat2024.load_dataset(night_clip))
+
+    def taken(count: int) -> list[str]:
+        units = units_of([f"r{number:02}" for number in range(count)], sequences)
+        one = crew._Crew(units, 1, crew.Setting(), lambda *_: None)
+        worker = crew._Worker(None, None, "")  # type: ignore[arg-type]
+        order = []
+        for _ in units:
+            unit = one._take_unit(worker)
+            worker.runs = crew._runs(unit)
+            order.append(f"{unit.combinations[0].tracker.label} {unit.sequences[0].name}")
+        assert sorted(order) == sorted(
+            f"{u.combinations[0].tracker.label} {u.sequences[0].name}" for u in units
+        )
+        return order
+
+    assert taken(2)[:2] == ["r00 narrow", "r01 narrow"]  # all trackers are kept: the first first
+    assert taken(20)[:4] == ["r00 narrow", "r00 tall", "r01 narrow", "r01 tall"]
+
+
+def test_a_worker_keeps_the_trackers_of_its_last_units() -> None:
+    chosen = combine(["still", "still@b"], ["invert", "gamma"])
+    kept = KeptTrackers(most=3)
+    for one in chosen[:3]:
+        kept.make_room([one])
+        kept.get(one)
+    first = kept.get(chosen[0])
+    kept.make_room([chosen[0]])
+    assert kept.get(chosen[0]) is first
+    kept.make_room([chosen[3]])  # the second was used longest ago, and its enhancer with it
+    kept.get(chosen[3])
+    assert [kept.has(one) for one in chosen] == [True, False, True, True]
+    assert set(kept._enhancers) == {"invert", "gamma"}
+    kept.make_room(chosen[:1])
+    kept.make_room([chosen[1], chosen[3]])
+    kept.get(chosen[1])
+    assert [kept.has(one) for one in chosen] == [True, True, False, True]
+    wide = KeptTrackers(most=1)
+    wide.make_room(chosen)
+    assert all(wide.get(one) for one in chosen)
+    wide.make_room(chosen)
+    assert all(map(wide.has, chosen))  # one unit may need more than are kept else
+    wide.make_room(chosen[3:])
+    assert [wide.has(one) for one in chosen] == [False, False, False, True]
+    assert set(wide._enhancers) == {"gamma"}
 
 
 def test_threads_of_linear_algebra_are_set_for_workers_only(monkeypatch: Any) -> None:

@@ -135,7 +135,7 @@ def test_missing_workers_are_started_anew(clock: list[float]) -> None:
 def threaded() -> Iterator[Any]:
     """A cluster of two workers in this process."""
     with distributed.LocalCluster(
-        n_workers=2, processes=False, threads_per_worker=1, dashboard_address=None, memory_limit=0
+        n_workers=2, processes=False, threads_per_worker=1, dashboard_address=":0", memory_limit=0
     ) as one:
         yield one
 
