@@ -1,6 +1,7 @@
 // Elements are made from names, attributes and text nodes: no text is ever read as HTML.
 
 const SVG_SPACE = "http://www.w3.org/2000/svg";
+const INK = 8; // the colour of text: a tracker alone beside several enhancers
 
 function element(tag, attributes, ...children) {
   return filled(document.createElement(tag), attributes, children);

@@ -10,7 +10,8 @@ function sequenceView(view) {
       facts(view, sequence), sequenceScores(view, detail)),
     element("section", { "aria-label": "Over time" }, timelines(view, detail, sequence)),
     section("pictures", "Telling frames", pictures(view, detail),
-      detail.pictures.length > 0 && note("Ground truth is white; boxes have the colours and lines of the runs.")),
+      detail.pictures.length > 0 && note("Ground truth is white; boxes have the colours and lines of the runs",
+        view.visible.some((run) => run.color === INK) ? ", but black is light grey." : ".")),
   ];
 }
 
