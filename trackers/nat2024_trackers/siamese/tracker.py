@@ -47,6 +47,10 @@ Decoder: TypeAlias = Callable[[Maps], Candidates]
 """From a network's outputs to scores and boxes."""
 
 
+_NEAR = 4
+"""Sequences whose candidates are judged at once: those of more do not fit into caches."""
+
+
 class SiameseNetwork(Protocol):
     """What the loop asks of a network; crops are float32 (n, 3, side, side), 0..255, BGR."""
 
@@ -231,8 +235,19 @@ class SiameseTracker(Tracker):
             [window.side for window in windows],
             [first.fill for first in firsts],
         )
-        found = self.decoder(self._match([first.features for first in firsts], crops))
-        return select(found, targets, windows, self._window, sizes, constants)
+        maps = self._match([first.features for first in firsts], crops)
+        steps: list[Step] = []
+        for start in range(0, len(images), _NEAR):
+            rows = slice(start, start + _NEAR)
+            steps += select(
+                self.decoder(tuple(part[rows] for part in maps)),
+                targets[rows],
+                windows[rows],
+                self._window,
+                sizes[rows],
+                constants,
+            )
+        return steps
 
     def _match_once(self, image: Image, first: FirstFrame, target: Target) -> None:
         """Let the backend open the network, so that its time counts for the first frame.
