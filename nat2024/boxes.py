@@ -29,7 +29,7 @@ _IRREGULAR = b"\0"
 _DECIMAL = b".eENna+"
 _INTEGER_WIDTH = 18  # digits and sign that int64 surely holds
 _SHORT_WIDTH = 4  # digits that two pairs of bytes hold
-_ZERO, _NINE, _TEN = np.uint8(48), np.uint8(9), np.uint8(10)
+_ZERO, _TEN, _LAST_DIGIT = np.uint8(48), np.uint8(10), np.uint8(57)
 _HUNDRED = np.uint16(100)
 
 
@@ -121,9 +121,9 @@ def _parse_regular(raw: bytes, lengths: tuple[int, ...]) -> Floats | None:
         body = body.replace(b", ", b",")
     # both ends padded so that every number lies between two separators
     lines = b"\n" + body + b"\n"
-    short = _parse_short_integers(lines, lengths)
-    if short is not None:
-        return short
+    plain = _parse_plain(lines, lengths)
+    if plain is not None:
+        return plain
     lines = lines.translate(_REGULAR)
     if _IRREGULAR in lines:
         return None
@@ -148,35 +148,54 @@ def _parse_regular(raw: bytes, lengths: tuple[int, ...]) -> Floats | None:
     return None if values is None else values.reshape(-1, width)
 
 
-def _parse_short_integers(lines: bytes, lengths: tuple[int, ...]) -> Floats | None:
-    """Rows of whole numbers of at most four digits, all parted alike; None for any other text.
+def _parse_plain(lines: bytes, lengths: tuple[int, ...]) -> Floats | None:
+    """Rows of digits, points and minus signs, all parted alike; None for any other text.
 
-    Most trackers write such boxes. Every step goes over all bytes at once, and no number is looked
-    at by itself.
+    Nearly all boxes are written so. Args as `_parse_regular`, with a line end on both sides.
     """
-    if b"." in lines or b"/" in lines:
-        return None
     codes = np.frombuffer(lines, dtype=np.uint8)
+    if b"/" in lines or codes.max() > _LAST_DIGIT:
+        return None
     edges = np.flatnonzero(codes <= _COMMA)
-    width = _common_width(codes.take(edges[1:]).tobytes())
+    separators = codes.take(edges[1:]).tobytes()
+    width = _common_width(separators)
     if width not in lengths:
         return None
     digits = edges[1:] - edges[:-1]
     digits -= 1
+    if digits.min() < 1:
+        return None
+    if b"." in lines:
+        numbers = lines[1:-1]
+        for separator in {*separators[:width]} - {_COMMA}:
+            numbers = numbers.replace(bytes([separator]), b",")
+        values = _parse_decimals(numbers)
+    else:
+        values = _parse_short_integers(lines, codes, edges, digits)
+    return None if values is None else values.reshape(-1, width)
+
+
+def _parse_short_integers(
+    lines: bytes,
+    codes: npt.NDArray[np.uint8],
+    edges: npt.NDArray[np.intp],
+    digits: npt.NDArray[np.intp],
+) -> Floats | None:
+    """Whole numbers of at most four digits between `edges`; None for others.
+
+    Every step goes over all bytes at once, and no number is looked at by itself.
+    """
     signed = codes.take(edges[:-1] + 1) == _MINUS if b"-" in lines else None
     if signed is not None:
         digits -= signed
-        if lines.count(b"-") != np.count_nonzero(signed):
+        if lines.count(b"-") != np.count_nonzero(signed) or digits.min() < 1:
             return None
-    if digits.min() < 1 or digits.max() > _SHORT_WIDTH:
+    if digits.max() > _SHORT_WIDTH:
         return None
-    found = _whole_numbers(codes)
-    if found is None:
-        return None
-    values = found.take(edges[1:] - 1).astype(np.float64)
+    values = _whole_numbers(codes).take(edges[1:] - 1).astype(np.float64)
     if signed is not None:
         values[signed] *= -1.0  # a negative zero keeps its sign
-    return values.reshape(-1, width)
+    return values
 
 
 def _common_width(separators: bytes) -> int:
@@ -188,16 +207,14 @@ def _common_width(separators: bytes) -> int:
     return width
 
 
-def _whole_numbers(codes: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint16] | None:
-    """At each byte the number of the last digits up to there, at most four; None where one is none.
+def _whole_numbers(codes: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint16]:
+    """At each byte the number of the last digits up to there, at most four.
 
-    Minus signs count as separators.
+    Minus signs count as separators; all else is a digit or one.
     """
     is_digit = (codes >= _ZERO).view(np.uint8)
     pairs = codes - _ZERO
     pairs *= is_digit
-    if pairs.max() > _NINE:
-        return None
     tens = pairs * _TEN
     pairs[1:] += tens[:-1]
     pairs *= is_digit

@@ -11,8 +11,8 @@ from hypothesis.extra.numpy import arrays
 
 from nat2024.boxes import (
     _parse_lines,
+    _parse_plain,
     _parse_regular,
-    _parse_short_integers,
     format_boxes,
     parse_boxes,
     read_boxes,
@@ -211,8 +211,10 @@ def test_the_fast_path_reads_only_what_the_slow_one_does(rows, separator, end, t
         assert same_bits(fast, _parse_lines(text, "text", LENGTHS))
 
 
-short_integer = st.one_of(
+short_number = st.one_of(
     st.integers(-12000, 12000).map(str),
+    st.floats(-2000, 2000).map(lambda value: f"{value:.3f}"),
+    st.floats(-2000, 2000).map(repr),
     st.sampled_from(
         ["-0", "00", "007", "-0099", "9999", "10000", "-", "--1", "1-2", "1/2", ":", ""]
     ),
@@ -220,17 +222,17 @@ short_integer = st.one_of(
 
 
 @given(
-    rows=st.lists(st.lists(short_integer, min_size=4, max_size=5), min_size=1, max_size=5),
+    rows=st.lists(st.lists(short_number, min_size=4, max_size=5), min_size=1, max_size=5),
     separators=st.lists(st.sampled_from([",", "\t", " ", ";", "+", "#"]), min_size=5, max_size=5),
     tail=st.sampled_from(["", "\n", "\n\n", ",", "0"]),
 )
 @example(rows=[["1", "2", "3", "4"]] * 3, separators=[",", "\t", " ", ",", ","], tail="\n")
 @example(rows=[["-1", "22", "-333", "4444"]] * 2, separators=[","] * 5, tail="")
 @example(rows=[["1", "2", "3", "4"], ["5", "6", "7"]], separators=[","] * 5, tail="")
-def test_short_whole_numbers_are_read_as_float_reads_them(rows, separators, tail) -> None:
+def test_plain_numbers_are_read_as_float_reads_them(rows, separators, tail) -> None:
     lines = ["".join(a + b for a, b in zip(row, separators, strict=False))[:-1] for row in rows]
     text = "\n".join(lines) + tail
-    fast = _parse_short_integers(b"\n" + text.encode() + b"\n", LENGTHS)
+    fast = _parse_plain(b"\n" + text.encode() + b"\n", LENGTHS)
     if fast is not None:
         assert same_bits(fast, _parse_lines(text, "text", LENGTHS))
 
@@ -239,7 +241,7 @@ def test_short_whole_numbers_are_read_as_float_reads_them(rows, separators, tail
 def test_boxes_of_most_trackers_are_read_at_once(separator: str) -> None:
     rows = [[742, 7, 26, 73], [-5, -1234, 9999, 0], [0, 10, 100, 1000]]
     text = "\n".join(separator.join(map(str, row)) for row in rows)
-    found = _parse_short_integers(f"\n{text}\n".encode(), LENGTHS)
+    found = _parse_plain(f"\n{text}\n".encode(), LENGTHS)
     assert same_bits(found, np.array(rows, dtype=np.float64))
 
 
