@@ -1,14 +1,11 @@
 """Convolutions at inference, in the form that is fastest for them."""
 
-import contextlib
-from collections.abc import Iterator
-from contextvars import ContextVar
-
 import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
 from nat2024.networks.folding import Derived, fold_batch_norm, may_derive
+from nat2024.networks.plain_form import is_plain
 from nat2024.networks.winograd import WinogradConvolution
 
 _KERNELS = (3, 5)
@@ -17,18 +14,6 @@ _CHANNELS = 64**2
 
 _CELLS = 64
 """Outputs of a channel, likewise."""
-
-_is_plain: ContextVar[bool] = ContextVar("_is_plain", default=False)
-
-
-@contextlib.contextmanager
-def plain_convolutions() -> Iterator[None]:
-    """Compute every `Convolution` as the sum that it is by definition, to count what it costs."""
-    token = _is_plain.set(True)
-    try:
-        yield
-    finally:
-        _is_plain.reset(token)
 
 
 class Convolution:
@@ -74,7 +59,7 @@ class Convolution:
 
     def __call__(self, maps: Tensor) -> Tensor:
         """From (n, channels in, h, w) to (n, channels out, ...), channels-last."""
-        if not self._may_transform or _is_plain.get() or not self._pays(maps):
+        if not self._may_transform or is_plain() or not self._pays(maps):
             maps = maps.contiguous(memory_format=torch.channels_last)
             return F.conv2d(
                 maps,

@@ -1,9 +1,8 @@
 """Counting what a network costs: multiply-accumulates and trainable parameters.
 
 Counted are convolutions, transposed convolutions, linear layers and matrix products, those of
-attention included; elementwise work is not. Convolutions count as the sums that they are by
-definition, whatever form computes them (`networks.convolving`). A multiply-accumulate is two
-floating-point operations.
+attention included; elementwise work is not. What a network is by definition counts, whatever form
+computes it (`networks.plain_form`). A multiply-accumulate is two floating-point operations.
 """
 
 from collections.abc import Callable, Iterator
@@ -15,7 +14,7 @@ from torch import nn
 from torch.nn.attention import SDPBackend, sdpa_kernel
 from torch.utils.flop_counter import FlopCounterMode
 
-from nat2024.networks.convolving import plain_convolutions
+from nat2024.networks.plain_form import plain_form
 
 
 def count_macs(model: Callable[..., Any], *inputs: Any) -> int:
@@ -34,7 +33,7 @@ def count_macs(model: Callable[..., Any], *inputs: Any) -> int:
         21600
     """
     counter = FlopCounterMode(display=False)
-    with torch.no_grad(), plain_convolutions(), _countable_attention(), counter:
+    with torch.no_grad(), plain_form(), _countable_attention(), counter:
         model(*inputs)
     return int(counter.get_total_flops()) // 2
 

@@ -6,6 +6,8 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
+from nat2024.networks.plain_form import is_plain
+
 _STEP = 0.2
 _POINTS = 8
 
@@ -37,7 +39,8 @@ def scalar_attention(query: Tensor, key: Tensor, value: Tensor) -> Tensor:
     large as float32's rounding. Where that takes more than a quarter of the queries (or they are
     not finite) this is `fused_attention`.
     """
-    if type(query) is not Tensor:  # traced, or only a shape: its range is unknown
+    # Traced, or only a shape, its range is unknown.
+    if type(query) is not Tensor or is_plain():
         return fused_attention(query, key, value)
     low, high = query.aminmax(dim=2, keepdim=True)
     least, most = key.aminmax(dim=2, keepdim=True)

@@ -163,6 +163,13 @@ def test_its_cost_is_the_published_one_even_where_only_shapes_are_known(network)
         assert type(network(torch.zeros(1, 3, 32, 32))[0]) is torch.Tensor
 
 
+def test_its_cost_does_not_depend_on_its_weights(network):
+    """Keys that are nearly the same let attention do with fewer products."""
+    with torch.no_grad():
+        network.CrossAttention.layer.multihead_attn.in_proj_weight.mul_(1e-3)
+    assert count_macs(network, torch.zeros(1, 3, 256, 256)) == 1_722_695_680
+
+
 def test_inference_leaves_its_input_and_its_weights_alone(network, batch):
     given, state = batch.clone(), copy.deepcopy(network.state_dict())
     with torch.no_grad():

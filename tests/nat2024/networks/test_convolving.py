@@ -12,9 +12,9 @@ from nat2024.networks.convolving import (
     Convolution,
     FastConv2d,
     convolve_pair,
-    plain_convolutions,
 )
 from nat2024.networks.macs import count_macs
+from nat2024.networks.plain_form import plain_form
 
 
 @pytest.mark.parametrize(
@@ -106,7 +106,7 @@ def test_only_float32_with_numbers_is_transformed(transformed):
         Convolution.of(layer)(torch.randn(1, 64, 12, 12).double())
         with FakeTensorMode(allow_non_fake_inputs=True):
             assert Convolution.of(layer_of())(torch.empty(1, 64, 12, 12)).shape == (1, 64, 10, 10)
-        with plain_convolutions():
+        with plain_form():
             Convolution.of(layer_of())(torch.randn(1, 64, 12, 12))
     assert not transformed
 
