@@ -88,7 +88,9 @@ def command(
     from nat2024.datasets import load_dataset
     from nat2024.exporting import export_results
 
-    loaded = load_dataset(dataset, root, unannotated=True) if dataset is not None else None
+    loaded = None
+    if dataset is not None:
+        loaded = load_dataset(dataset, root, unannotated=True, frameless=True)
     reports = [
         export_results(
             folder,

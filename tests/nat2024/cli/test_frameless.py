@@ -64,6 +64,18 @@ def test_what_looks_at_frames_leaves_them_out(
     assert "no readable images of any sequence" in (page / "index.html").read_text()
 
 
+def test_results_are_exported_without_frames(
+    bare: tuple[Path, Path], cli: Any, tmp_path: Path
+) -> None:
+    clip, results = bare
+    remove_images(clip)
+    words = ("--dataset", clip, "--format", "pysot", "--out", tmp_path / "exported")
+    status, _, err = cli("export", "--results", results, *words)
+    assert status == 0
+    assert "night_clip: no frames of any sequence" in err
+    assert list((tmp_path / "exported").rglob("narrow.txt"))
+
+
 def test_frames_that_are_needed_are_one_line(bare: tuple[Path, Path], cli: Any) -> None:
     clip, results = bare
     remove_images(clip)
