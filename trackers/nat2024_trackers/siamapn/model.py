@@ -9,6 +9,7 @@ from torch import Tensor, nn
 
 from nat2024.networks.convolving import Convolution
 from nat2024.networks.folding import Derived, may_derive
+from nat2024.networks.plain_form import is_plain
 from nat2024_trackers.siamapn.network import (
     CHANNELS,
     STAGE4_CHANNELS,
@@ -76,7 +77,7 @@ class FusedHeads(ScoreHeads):
         [kernel] = kernels
         resized = self.resize(depthwise_correlation(self.conv1(fifth), kernel))
         both = torch.cat([resized, self.conv_offset(proposed)], dim=1)
-        add = self._add() if may_derive(self) else self.add
+        add = self._add() if may_derive(self) and not is_plain() else self.add
         return self.read(add(F.relu(both)))
 
     def _as_convolution(self) -> Convolution:
