@@ -31,7 +31,7 @@ _CURVE_OF: Final = {
 }
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class DatasetScores(Scores):
     """Scores of a result on many sequences; `frames` is the sum of theirs.
 

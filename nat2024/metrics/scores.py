@@ -2,7 +2,7 @@
 
 import itertools
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Final, TypeAlias
 
 import numpy as np
@@ -69,7 +69,7 @@ class Scores:
     """
 
     protocol: Protocol
-    row: Floats = field(repr=False)
+    row: Floats
 
     @property
     def frames(self) -> int:
@@ -135,6 +135,12 @@ class Scores:
         """The scalar scores by name."""
         return {name: self.row.item(COLUMN[name]) for name in SCORE_NAMES}
 
+    def __repr__(self) -> str:
+        """The protocol, the number of frames and the scores that it defines."""
+        known = {name: value for name, value in self.as_dict().items() if value == value}
+        numbers = "".join(f", {name}={value:.6g}" for name, value in known.items())
+        return f"{type(self).__name__}({self.protocol.title}, frames={self.frames}{numbers})"
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrameValues:
@@ -156,7 +162,7 @@ FrameSource: TypeAlias = FrameValues | Callable[[], FrameValues]
 """The values of the frames, or what computes them once they are asked for."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class SequenceScores(Scores):
     """Scores of one result on one sequence.
 
@@ -167,7 +173,7 @@ class SequenceScores(Scores):
     """
 
     name: str
-    by_frame: FrameSource = field(repr=False)
+    by_frame: FrameSource
 
     @property
     def rows(self) -> int:

@@ -1,3 +1,5 @@
+import pickle
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -302,3 +304,13 @@ def test_ill_formed_calls() -> None:
         evaluate_boxes([TRUE], [TRUE], on_length="trim")
     with pytest.raises(UsageError, match="unknown protocol"):
         evaluate_boxes([TRUE], [TRUE], protocol="vot")
+
+
+def test_scores_show_what_the_protocol_defines_and_travel() -> None:
+    scores = evaluate_boxes([[0, 0, 4, 4]] * 3, [[0, 0, 4, 4]] * 3, name="one")
+    assert repr(scores).startswith("SequenceScores(pysot, frames=3, success_auc=0.952381, prec")
+    assert "average_overlap" not in repr(scores)
+    again = pickle.loads(pickle.dumps(scores))
+    assert (again.name, again.as_dict().keys()) == ("one", scores.as_dict().keys())
+    np.testing.assert_array_equal(again.success_curve, scores.success_curve)
+    np.testing.assert_array_equal(again.overlap, [1, 1, 1])
