@@ -2,7 +2,7 @@
 
 import logging
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, get_args
 
@@ -12,7 +12,13 @@ from nat2024.engine.active_run import ActiveRun, bundled_weights
 from nat2024.engine.lockstep import Reading
 from nat2024.engine.machine import machine, process_name, timestamp, versions
 from nat2024.engine.methods import BatchTracker
-from nat2024.engine.plan import Combination, as_begun, describe, untouched_options
+from nat2024.engine.plan import (
+    Combination,
+    as_begun,
+    describe,
+    in_torch_for_auto,
+    untouched_options,
+)
 from nat2024.engine.planning import plan_units
 from nat2024.engine.units import Outcome, Progress, Trackers, Unit
 from nat2024.engine.workers import Setting, computing_threads, run_in_process, run_in_workers
@@ -117,7 +123,7 @@ def run_benchmark(
 
     Raises:
         UsageError: workers, threads or batch below 1, other numbers below 0, or the device is not
-            there.
+            there; on a cluster it need be on workers only.
         DatasetIncomplete: the dataset has no sequence to run.
         ResultConflict: a run folder was made with other settings.
         WeightsMissing, WeightsMismatch, InvalidOption: a combination cannot be created.
@@ -187,14 +193,19 @@ def _check(combinations: list[Combination], dataset: Dataset, way: _Way) -> None
         msg = f"dataset {dataset.name} has no annotated sequence to run"
         raise DatasetIncomplete(msg)
     for device in {one.device for one in combinations}:
-        check_device(device)
+        if way.cluster is None or not device.startswith("cuda"):  # else workers say what they have
+            check_device(device)
 
 
 def _open(
     combination: Combination, trackers: Trackers, dataset: Dataset, folder: Path, way: _Way
 ) -> ActiveRun:
     combination = as_begun(combination, RunFolder(folder / combination.run).manifest())
-    tracker, enhancer = trackers.create(combination)
+    created = combination
+    if way.cluster is not None and not _is_there(combination.device):
+        combination = in_torch_for_auto(combination)
+        created = replace(combination, device="cpu")
+    tracker, enhancer = trackers.create(created)
     batch = way.batch if isinstance(tracker, BatchTracker) else 1
     if batch != way.batch:
         title = combination.tracker.title
@@ -205,6 +216,14 @@ def _open(
     )
     untouched = untouched_options(combination, tracker, enhancer)
     return ActiveRun.open(combination, wanted, untouched, dataset, folder)
+
+
+def _is_there(device: str) -> bool:
+    try:
+        check_device(device)
+    except UsageError:
+        return False
+    return True
 
 
 def _record(dataset: Dataset) -> DatasetRecord:

@@ -181,6 +181,20 @@ def _spec_as_begun(spec: PluginSpec, kind: Kind, stored: PluginRecord, device: s
     return replace(spec, options={**spec.options, "backend": begun})
 
 
+def in_torch_for_auto(combination: Combination) -> Combination:
+    """A combination for a device that is not here, so that nobody knows what "auto" would be."""
+
+    def chosen(spec: PluginSpec) -> PluginSpec:
+        if spec.options.get("backend") != "auto":
+            return spec
+        return replace(spec, options={**spec.options, "backend": "torch"})
+
+    enhancer = combination.enhancer
+    return replace(
+        combination, tracker=chosen(combination.tracker), enhancer=enhancer and chosen(enhancer)
+    )
+
+
 def refuse_unused(
     specs: Iterable[PluginSpec],
     options: Mapping[str, Mapping[str, Any]],

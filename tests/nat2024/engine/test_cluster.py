@@ -137,6 +137,46 @@ def test_other_weights_or_options_on_a_worker_are_refused(night_clip: Path) -> N
         cluster_worker.check_fit(unit, Trackers(), expected)
 
 
+def test_devices_are_those_of_workers(
+    client: Any, night_clip: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if torch.cuda.is_available():
+        pytest.skip("there is a CUDA device")
+    dataset = nat2024.load_dataset(night_clip)
+    with pytest.raises(ClusterFailed, match=r"worker tcp://.*: device 'cuda' is not there"):
+        run_benchmark(
+            combine(["mosse"], ["none"], device="cuda"), dataset, tmp_path / "a", cluster=client
+        )
+    monkeypatch.setattr(nat2024.interfaces.trackers, "check_device", lambda device: device)
+    monkeypatch.setattr(torch.cuda, "synchronize", lambda _: None)
+    chosen = combine(["still"], ["none"], device="cuda", backend="auto")
+    with (
+        distributed.LocalCluster(
+            n_workers=1, processes=False, dashboard_address=":0", memory_limit=0
+        ) as cluster,
+        distributed.Client(cluster) as threads,
+    ):
+        report = run_benchmark(chosen, dataset, tmp_path / "b", cluster=threads)
+    assert report.failures == ()
+    manifest = RunFolder(report.folder / "still").manifest()
+    assert manifest is not None
+    assert manifest.device == "cuda"
+
+
+def test_auto_is_torch_for_devices_that_are_elsewhere() -> None:
+    from nat2024.engine.plan import in_torch_for_auto
+
+    named = {"ldenhancer": {"backend": "onnxruntime"}}
+    [one, other] = combine(
+        ["siamrpnpp"], ["dcepp", "ldenhancer"], device="cuda", backend="auto", options=named
+    )
+    assert in_torch_for_auto(one).tracker.options["backend"] == "torch"
+    for before, backend in ((one, "torch"), (other, "onnxruntime")):
+        enhancer = in_torch_for_auto(before).enhancer
+        assert enhancer is not None
+        assert enhancer.options["backend"] == backend
+
+
 def test_clusters_that_there_are_not(
     night_clip: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
