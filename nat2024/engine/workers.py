@@ -291,7 +291,8 @@ def _start(device: str, setting: Setting) -> _Worker:
 def born_deaf_to_interrupts() -> Iterator[None]:
     """Processes that are started here never hear Ctrl-C: stopping them is their parent's business.
 
-    It is held back meanwhile and not ignored, so that none is lost.
+    This thread holds it back meanwhile and does not ignore it, so that none is lost; where another
+    thread hears it, it stops this one at once.
     """
     if not hasattr(signal, "pthread_sigmask"):  # Windows
         yield
