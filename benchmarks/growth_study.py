@@ -14,7 +14,7 @@ import growth_jobs
 
 from nat2024.engine import Combination
 from nat2024.engine.plan import PluginSpec
-from nat2024.engine.planning import plan_units
+from nat2024.engine.planning import STEP_FRAMES, cost, plan_units
 from nat2024.engine.units import Unit
 from nat2024.types import Dataset
 
@@ -130,13 +130,16 @@ def plan(name: str, workers: int, batch: int) -> tuple[Unit, ...]:
     runs = combinations()
     missing = {sequence.name: runs for sequence in dataset}
     batches = {run.run: batch for run in runs}
-    return tuple(plan_units(missing, dataset, Reading(), batches=batches, workers=workers))
+    alone = workers == 1
+    units = plan_units(
+        missing, dataset, Reading(), batches=batches, workers=workers, in_process=alone
+    )
+    return tuple(units)
 
 
-def forwards(unit: Unit) -> int:
-    """Frames of a unit, as if a batch cost its whole time until its last sequence ends."""
-    steps = carry_out([len(sequence) for sequence in unit.sequences], unit.lanes)
-    return len(unit.combinations) * unit.lanes * round(steps)
+def forwards(unit: Unit, batch: int) -> float:
+    """Frames in full batches that take as long as a unit, whose last batches are not full."""
+    return cost(unit) * batch / (batch + STEP_FRAMES)
 
 
 def carry_out(seconds: Sequence[float], workers: int, serial: Sequence[float] = ()) -> float:
@@ -167,7 +170,7 @@ def forecast(machine: Machine, rates: Rates) -> Forecast:
     for name in DATASETS:
         planned = plan(name, machine.workers, machine.batch)
         units += planned
-        seconds = [forwards(unit) / machine.rate for unit in planned]
+        seconds = [forwards(unit, machine.batch) / machine.rate for unit in planned]
         serial = [serial_seconds(unit, rates) for unit in planned] if machine.workers > 1 else ()
         total += rates.start_seconds + carry_out(seconds, machine.workers, serial)
     decoded = sum(sum(map(len, unit.sequences)) for unit in units)
@@ -177,7 +180,7 @@ def forecast(machine: Machine, rates: Rates) -> Forecast:
         ideal / total,
         len(units),
         tracked_frames() / decoded,
-        fmean(forwards(unit) for unit in units) / machine.rate,
+        fmean(forwards(unit, machine.batch) for unit in units) / machine.rate,
         fmean(serial_seconds(unit, rates) for unit in units),
     )
 

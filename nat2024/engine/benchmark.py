@@ -245,7 +245,14 @@ def _plan(runs: list[ActiveRun], dataset: Dataset, way: _Way) -> list[Unit]:
         from nat2024.engine.cluster import count_places
 
         at_a_time = count_places(way.cluster, way.workers)
-    return plan_units(missing, dataset, way.reading, batches=batches, workers=at_a_time)
+    return plan_units(
+        missing,
+        dataset,
+        way.reading,
+        batches=batches,
+        workers=at_a_time,
+        in_process=way.in_process,
+    )
 
 
 def _session(units: list[Unit], way: _Way) -> Session:

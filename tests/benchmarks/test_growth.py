@@ -47,11 +47,11 @@ def test_more_workers_are_faster_and_less_busy():
     assert seen[-1].seconds > longest / 400
 
 
-def test_a_batch_costs_its_time_until_its_longest_sequence_ends():
-    [unit, *_] = growth_study.plan("nat2024_2", 1, 8)
-    longest = max(map(len, unit.sequences))
-    assert growth_study.forwards(unit) == 8 * longest * len(unit.combinations)
-    assert growth_study.forwards(unit) > unit.frames
+def test_a_batch_that_is_not_full_costs_more_than_its_frames():
+    [unit, *_] = growth_study.plan("nat2024_2", 8, 8)
+    assert unit.frames < growth_study.forwards(unit, 8) < 8 * unit.frames
+    [alone, *_] = growth_study.plan("nat2024_2", 8, 1)
+    assert growth_study.forwards(alone, 1) == pytest.approx(alone.frames)
 
 
 def test_limits_come_in_their_order():

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from nat2024.engine import shard
 from nat2024.engine.lockstep import Reading
 from nat2024.engine.plan import Combination, PluginSpec
-from nat2024.engine.planning import LANE_ROUNDS, TOGETHER, plan_units
+from nat2024.engine.planning import LANE_ROUNDS, STEP_FRAMES, TOGETHER, cost, plan_units
 from nat2024.engine.workers import sort_out
 from nat2024.errors import UsageError
 from nat2024.types import Dataset, Sequence
@@ -62,8 +62,7 @@ def test_every_missing_job_is_in_one_unit(
         assert len(unit.combinations) <= TOGETHER
         assert unit.lanes <= min(batches[c.run] for c in unit.combinations)
         assert unit.lanes <= len(unit.sequences)
-        rounds = LANE_ROUNDS if workers > 1 and unit.lanes > 1 else len(unit.sequences)
-        assert len(unit.sequences) <= max(1, rounds * unit.lanes)
+        assert len(unit.sequences) <= (LANE_ROUNDS * unit.lanes if unit.lanes > 1 else 1)
 
 
 def test_one_process_decodes_each_sequence_once_in_order() -> None:
@@ -95,26 +94,54 @@ def test_the_longest_go_first_and_nobody_waits_long(workers: int) -> None:
 
 
 def test_one_process_fills_its_lanes_from_all_sequences_the_longest_first() -> None:
-    runs = product(1, 1)
-    [unit] = plan(dataset(10, 900, 12, 880, 11), runs, batches={"t0": 2})
-    assert [s.name for s in unit.sequences] == ["s001", "s003", "s002", "s004", "s000"]
+    data, runs = dataset(10, 900, 12, 880, 11, 13, 9, 8, 7), product(1, 1)
+    [unit] = plan(data, runs, batches={"t0": 2}, in_process=True)
+    assert [len(s) for s in unit.sequences] == [900, 880, 13, 12, 11, 10, 9, 8, 7]
     assert unit.lanes == 2
+    first, second = plan(data, runs, batches={"t0": 2})  # elsewhere no unit is that large
+    assert {len(first.sequences), len(second.sequences)} == {LANE_ROUNDS * 2, 1}
 
 
-@given(st.lists(st.integers(1, 900), min_size=1, max_size=60), st.integers(2, 5), st.integers(2, 8))
-def test_workers_share_sequences_evenly_and_keep_their_lanes_full(
-    lengths: list[int], workers: int, batch: int
+@given(
+    st.lists(st.integers(1, 900), min_size=1, max_size=60),
+    st.integers(2, 5),
+    st.integers(2, 8),
+    st.integers(1, 20),
+)
+def test_workers_end_soonest_with_what_they_are_given(
+    lengths: list[int], workers: int, batch: int, trackers: int
 ) -> None:
-    units = plan(dataset(*lengths), product(1, 1), batches={"t0": batch}, workers=workers)
-    frames = [unit.frames for unit in units]
-    assert max(frames) - min(frames) <= max(lengths)
-    if len(lengths) >= workers * batch:
-        assert len(units) % workers == 0
-    assert len(units) <= max(workers, -(-len(lengths) // batch))
+    runs = product(trackers, 1)
+    how: Any = {"batches": {run.run: batch for run in runs}, "workers": workers}
+    units = plan(dataset(*lengths), runs, **how)
+
+    def end(units: Any) -> float:
+        free = [0.0] * workers
+        for unit in units:
+            free[free.index(min(free))] += cost(unit)
+        return max(free)
+
+    every = plan(dataset(*lengths), runs, **how | {"workers": 1})
+    assert end(units) <= sum(map(cost, every)) + len(runs) * 2 * max(lengths)
+    assert sum(unit.frames for unit in units) == len(runs) * sum(lengths)
+
+
+@pytest.mark.parametrize(("trackers", "least"), [(55, 0.9), (11, 0.9), (2, 0.75)])
+def test_eight_workers_have_full_lanes_to_the_end(trackers: int, least: float) -> None:
+    rng = np.random.default_rng(1)
+    lengths = [round(length) for length in rng.lognormal(6.5, 0.6, size=135)]
+    runs = product(trackers, 1)
+    units = plan(dataset(*lengths), runs, batches={run.run: 8 for run in runs}, workers=8)
+    free = [0.0] * 8
+    for unit in units:
+        free[free.index(min(free))] += cost(unit)
+    ideal = trackers * sum(lengths) * (1 + STEP_FRAMES / 8) / 8
+    assert ideal / max(free) > least
 
 
 def test_a_unit_whose_worker_died_is_narrowed_before_it_is_taken_apart() -> None:
-    [unit] = plan(dataset(9, 8, 7, 6, 5), product(2, 1), batches={"t0": 2, "t1": 2})
+    runs = product(2, 1)
+    [unit] = plan(dataset(9, 8, 7, 6, 5), runs, batches={"t0": 2, "t1": 2}, in_process=True)
     assert unit.refills
     pending = set(unit.jobs) - {("t0", "s000"), ("t1", "s000"), ("t0", "s001")}
     narrow = unit.narrowed(pending)
