@@ -34,8 +34,8 @@ from growth_study import Machine, Rates
 from side_by_side import machine, update
 
 THREADS = (1, 2, 4, 8, 16, 32, 64)
-GPUS = ("NVIDIA H100=165", "NVIDIA H100=831x32")
-"""Updates of siamrpnpp with ldenhancer a second, from `lockstep.py --updates --device cuda`."""
+GPUS = ("NVIDIA H100=274", "NVIDIA H100=744x8", "NVIDIA H100=864x32")
+"""Frames of siamrpnpp with ldenhancer a second, from `lockstep.py --device cuda --jpeg`."""
 
 UNKNOWN = Rates(110.0, 13.0, 0.7, 12.0, 5.0, 5.0)  # where a measurement fails
 REAL = {"tracker": "siamrpnpp", "enhancer": "ldenhancer", "size": (960, 540), "repeats": 1}
