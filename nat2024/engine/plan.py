@@ -77,7 +77,7 @@ class Combination:
     def create(self) -> tuple[Tracker, Enhancer | None]:
         """A fresh tracker, and the enhancer that it uses through a `TimedEnhancer`."""
         enhancer = self.create_enhancer()
-        return self.create_tracker(enhancer), enhancer
+        return self.create_tracker(self.timed(enhancer)), enhancer
 
     def create_enhancer(self) -> Enhancer | None:
         """A fresh enhancer, None where there is none."""
@@ -86,11 +86,14 @@ class Combination:
             return None
         return create_enhancer(spec.name, weights=spec.weights, device=self.device, **spec.options)
 
-    def create_tracker(
+    def timed(
         self, enhancer: Enhancer | None, shared: SharedFrames | None = None
-    ) -> Tracker:
-        """A fresh tracker over an enhancer and the frames that it shares with others."""
-        timed = None if enhancer is None else TimedEnhancer(enhancer, self.device, shared)
+    ) -> TimedEnhancer | None:
+        """The enhancer as the tracker sees it, with the frames that it shares with others."""
+        return None if enhancer is None else TimedEnhancer(enhancer, self.device, shared)
+
+    def create_tracker(self, timed: TimedEnhancer | None) -> Tracker:
+        """A fresh tracker over an enhancer."""
         spec = self.tracker
         return create_tracker(
             spec.name, weights=spec.weights, enhancer=timed, device=self.device, **spec.options

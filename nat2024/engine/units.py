@@ -3,14 +3,14 @@
 from collections import defaultdict
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import Any, TypeAlias
+from typing import Any, Protocol, TypeAlias, runtime_checkable
 
 from nat2024 import types
 from nat2024.engine.lockstep import Reading, track_together
 from nat2024.engine.plan import Combination
 from nat2024.engine.sharing import SharedFrames
 from nat2024.errors import NatBenchError
-from nat2024.interfaces import Enhancer, Tracker
+from nat2024.interfaces import BatchEnhancer, Enhancer, Tracker
 from nat2024.store import Track
 
 Progress: TypeAlias = Callable[[int, str], Any]
@@ -106,14 +106,25 @@ class Outcome:
     reason: str = ""
 
 
+@runtime_checkable
+class HasTwins(Protocol):
+    """A tracker whose network can serve other trackers too."""
+
+    def twin(self, enhancer: BatchEnhancer | None, /) -> Tracker:
+        """Another tracker over the same network, with an enhancer and a state of its own."""
+        ...
+
+
 class Trackers:
     """Created trackers, kept so that a network is built once for all sequences of a run.
 
-    One enhancer serves all trackers that ask for the same one, and so do the frames it enhances.
+    One enhancer serves all trackers that ask for the same one, and so do the frames it enhances;
+    one network serves a tracker with every enhancer.
     """
 
     def __init__(self) -> None:
         self._made: dict[str, Tracker] = {}
+        self._asked: dict[str, Combination] = {}
         self._enhancers: dict[str, tuple[Enhancer, SharedFrames]] = {}
 
     def has(self, combination: Combination) -> bool:
@@ -136,9 +147,23 @@ class Trackers:
                 assert made is not None
                 self._enhancers[title] = made, SharedFrames()
             enhancer, shared = self._enhancers[title]
-        tracker = combination.create_tracker(enhancer, shared)
-        self._made[combination.run] = tracker
+        timed = combination.timed(enhancer, shared)
+        relative = self._relative_of(combination)
+        tracker = relative.twin(timed) if relative else combination.create_tracker(timed)
+        self._made[combination.run], self._asked[combination.run] = tracker, combination
         return tracker, enhancer
+
+    def _relative_of(self, combination: Combination) -> HasTwins | None:
+        """A tracker that was created by the same name, weights and options on the same device."""
+        for run, tracker in self._made.items():
+            other = self._asked[run]
+            if (
+                isinstance(tracker, HasTwins)
+                and other.device == combination.device
+                and replace(other.tracker, label="") == replace(combination.tracker, label="")
+            ):
+                return tracker
+        return None
 
 
 def run_unit(unit: Unit, trackers: Trackers, progress: Progress) -> Iterator[Outcome]:

@@ -16,6 +16,7 @@ from nat2024.engine import combine, run_benchmark, track_sequence
 from nat2024.engine.lockstep import Reading, track_together
 from nat2024.engine.sharing import SharedFrames
 from nat2024.engine.timing import TimedEnhancer
+from nat2024.engine.units import Trackers
 from nat2024.errors import TimedOut
 from nat2024.store import RunFolder, Track
 
@@ -108,6 +109,29 @@ def test_an_enhanced_frame_is_made_once_and_its_cost_counts_for_each(
         assert one[:, 1].min() > 0.04
         assert one.min() >= 0
         assert np.median(one[:, 2]) < 0.04  # what was enhanced for another is no tracking
+
+
+def test_one_network_serves_a_tracker_with_every_enhancer(night_clip: Path, tmp_path: Path) -> None:
+    trackers = Trackers()
+    combinations = combine(
+        ["siamrpnpp", "siamrpnpp@label", "siamrpnpp@openly"],
+        ["none", "gamma", "clahe"],
+        options={"siamrpnpp@openly": {"enhance_template": False}},
+    )
+    made: list[Any] = [trackers.get(one) for one in combinations]
+    assert len({id(one) for one in made}) == 9
+    assert [made.index(first) for first in made if first.model is made[0].model] == list(range(6))
+    assert len({id(one.model) for one in made}) == 2
+    [first] = [s for s in nat2024.load_dataset(night_clip) if s.name == "wide"]
+    box = first.boxes[0]
+    for one in made[:6]:  # all on their way at once
+        one.init(first.frames[0], box)
+    steps = [[one.update(first.frames[i])[0] for one in made[:6]] for i in range(1, 4)]
+    for number in (0, 2, 4):
+        alone, _ = combinations[number].create()
+        alone.init(first.frames[0], box)
+        for i in range(1, 4):
+            np.testing.assert_array_equal(alone.update(first.frames[i])[0], steps[i - 1][number])
 
 
 def test_crops_are_never_shared(night_clip: Path, tmp_path: Path) -> None:

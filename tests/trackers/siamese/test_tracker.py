@@ -97,6 +97,28 @@ def test_the_start_center_has_no_shift(clip):
     assert tracker.target == Target(115, 87, 30, 54)
 
 
+def test_a_twin_has_the_network_and_nothing_else(clip, follow):
+    frames, box = clip
+    tracker, enhancer = Simple(), Counting()
+    alone = follow(tracker)
+    tracker.init(frames[0], box)
+    twin = tracker.twin(enhancer)
+    assert twin.model is tracker.model
+    with pytest.raises(UsageError, match="update before init"):
+        twin.update(frames[1])
+    shifted = (box[0] + 8, *box[1:])
+    twin.init(frames[0], shifted)
+    both = [(tracker.update(frame)[0], twin.update(frame)[0]) for frame in frames[1:5]]
+    np.testing.assert_array_equal([own for own, _ in both], alone[1:])
+    assert enhancer.count == 5
+    assert tracker.enhancer is None
+    one = Simple(enhancer=Counting())
+    one.init(frames[0], shifted)
+    np.testing.assert_array_equal(
+        [other for _, other in both], [one.update(frame)[0] for frame in frames[1:5]]
+    )
+
+
 def test_it_follows_what_its_network_sees(clip):
     frames, box = clip
     tracker = Simple()

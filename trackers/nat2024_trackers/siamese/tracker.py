@@ -1,10 +1,11 @@
 """The loop: crop, enhance, network, decode, penalise, update, for one or several sequences."""
 
+import copy
 from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -120,12 +121,25 @@ class SiameseTracker(Tracker):
         self.decoder = decoder
         self.constants = constants
         self.enhance_template = enhance_template
-        self.last_step: Step | None = None
-        self._crops = Crops(self.device)
         self._window: Floats = cosine_window(constants)
+        self.forget()
+        self._has_matched = self.backend == "torch"
+
+    def twin(self, enhancer: BatchEnhancer | None) -> Self:
+        """Another tracker over the same network, with an enhancer and a state of its own."""
+        _ = self.network  # what replays it is shared as well
+        other = copy.copy(self)
+        other.enhancer = enhancer
+        other.forget()
+        return other
+
+    def forget(self) -> None:
+        """Be as before `init`."""
+        self._has_started = False
         self._first: FirstFrame | None = None
         self._target: Target | None = None
-        self._has_matched = self.backend == "torch"
+        self.last_step: Step | None = None
+        self._crops = Crops(self.device)
 
     @property
     def network(self) -> SiameseNetwork:
