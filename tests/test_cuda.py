@@ -18,6 +18,7 @@ import torch
 import nat2024
 from nat2024.cli import run
 from nat2024.engine import combine, run_benchmark
+from nat2024.networks import replaying
 from nat2024.networks.replaying import Replayed
 from nat2024.night import Clip, render_clip
 from nat2024.store import RunFolder
@@ -175,15 +176,17 @@ def test_what_cannot_be_recorded_is_called():
         assert torch.ones(3, device="cuda").sum().item() == 3  # the device still works
 
 
-def test_shapes_are_recorded_apart_and_few_are_kept():
+def test_shapes_are_recorded_apart_and_few_are_kept(monkeypatch):
+    monkeypatch.setattr(replaying, "_RECORDINGS", 2)
     layer = torch.nn.Conv2d(3, 4, 3).cuda()
     replayed = Replayed(layer, layer.forward)
     with torch.inference_mode():
-        for side in [*range(9, 20), 9, 19]:
-            for _ in range(5):
+        for side in (9, 10, 11, 9):
+            for _ in range(30):
                 batch = torch.rand(2, 3, side, side, device="cuda")
                 torch.testing.assert_close(replayed(batch), layer(batch))
-    assert len(recordings(replayed)) == 8
+            assert any(recordings(replayed))
+    assert len(recordings(replayed)) == 2
 
 
 @pytest.mark.parametrize("name", NETWORKS)

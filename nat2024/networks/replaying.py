@@ -1,7 +1,7 @@
 """Networks on CUDA devices, recorded once and replayed: one launch in place of hundreds."""
 
 from collections import Counter, OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -12,10 +12,16 @@ from torch.utils._python_dispatch import TorchDispatchMode, _get_current_dispatc
 from nat2024.networks.folding import Derived
 
 _CALLS_BEFORE = 3
-"""Calls of a shape before it is recorded: kernels are chosen in these, and few calls do not pay."""
+"""Calls of the first shape before it is recorded, in which kernels are chosen.
+
+The second shape takes 4 times as many, the third 9 times: a recording costs some tenths of a second,
+and batches that get smaller, sequence by sequence, would not pay for theirs.
+"""
 
 _COPIES = ("_to_copy", "copy_")
 _QUESTIONS = ("_local_scalar_dense", "nonzero", "masked_select", "equal", "_unique2")
+
+_PLACES = ("index", "index_put_", "index_put")
 
 _RECORDINGS = 8
 """Shapes that are kept at most; each holds the memory that its network needs."""
@@ -40,9 +46,10 @@ class Replayed:
     """A function of tensors, the same numbers, with the kernels of a CUDA device replayed.
 
     A small network keeps a device waiting for Python, which launches one kernel after another. From
-    the fourth call with inputs of the same shapes a recording (a CUDA graph) is replayed instead.
-    Weights may change: recordings made with others are thrown away. With gradients, under autocast
-    and on other devices the function is simply called; likewise for shapes that cannot be recorded.
+    the fourth call with inputs of the same shapes, of further shapes from a later one, a recording
+    (a CUDA graph) is replayed instead. Weights may change: recordings made with others are thrown
+    away. With gradients, under autocast and on other devices the function is simply called;
+    likewise where it cannot be recorded.
 
     Example:
         >>> layer = nn.Linear(2, 2)
@@ -82,7 +89,7 @@ class Replayed:
         known, key = self._known(), _key(inputs)
         if key not in known.recordings:
             known.calls[key] += 1
-            if known.calls[key] <= _CALLS_BEFORE:
+            if known.calls[key] <= _CALLS_BEFORE * (1 + len(known.recordings)) ** 2:
                 return self._function(*inputs)
             known.recordings[key] = self._record(inputs)
             if len(known.recordings) > _RECORDINGS:
@@ -104,7 +111,7 @@ class Replayed:
         with torch.cuda.device(inputs[0].device):
             stream = torch.cuda.Stream()  # type: ignore[no-untyped-call]
             stream.wait_stream(torch.cuda.current_stream())
-            with torch.cuda.stream(stream), _Scout() as scout:
+            with torch.cuda.stream(stream), _Scout() as scout:  # type: ignore[no-untyped-call]
                 self._function(*kept)  # libraries set themselves up for the stream
             torch.cuda.current_stream().wait_stream(stream)
             if scout.obstacle:
@@ -118,7 +125,7 @@ class Replayed:
         return _Recording(graph, kept, answer)
 
 
-class _Scout(TorchDispatchMode):
+class _Scout(TorchDispatchMode):  # type: ignore[no-untyped-call]
     """Looks for what cannot be recorded: values asked for, and tensors that come from the CPU."""
 
     obstacle = ""
@@ -130,9 +137,14 @@ class _Scout(TorchDispatchMode):
         name = func.overloadpacket.__name__
         tensors = [one for one in (*args, answer) if isinstance(one, Tensor)]
         crosses = name in _COPIES and len({one.device.type for one in tensors}) > 1
-        if crosses or name in _QUESTIONS:
+        if crosses or name in _QUESTIONS or (name in _PLACES and _is_mask(args[1])):
             self.obstacle = name
         return answer
+
+
+def _is_mask(indices: Sequence[Tensor | None]) -> bool:
+    """Whether how much is chosen depends on values."""
+    return any(index is not None and index.dtype in (torch.bool, torch.uint8) for index in indices)
 
 
 def _recover(stream: torch.cuda.Stream) -> None:

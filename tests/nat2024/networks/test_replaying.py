@@ -6,7 +6,7 @@ import pickle
 import torch
 from torch import nn
 
-from nat2024.networks.replaying import Replayed
+from nat2024.networks.replaying import Replayed, _Scout
 
 
 def test_on_a_cpu_the_function_is_called():
@@ -30,3 +30,34 @@ def test_it_is_copied_and_pickled_with_its_module():
         with torch.no_grad():
             other.module.weight.zero_()
         assert not torch.allclose(other(rows), layer(rows))
+
+
+def test_each_further_shape_is_recorded_later(monkeypatch):
+    recorded = []
+    monkeypatch.setattr(Replayed, "_record", lambda _, inputs: recorded.append(len(inputs[0])))
+    layer = nn.Linear(3, 2)
+    replayed = Replayed(layer, layer.forward)
+    for count, calls, known in ((5, 3, 0), (5, 9, 1), (4, 12, 1), (4, 9, 2), (3, 27, 2), (3, 9, 3)):
+        for _ in range(calls):
+            rows = torch.rand(count, 3)
+            torch.testing.assert_close(replayed._answer((rows,)), layer(rows))
+        assert recorded == [5, 4, 3][:known]
+    with torch.no_grad():
+        layer.weight.add_(1)  # other weights, so nothing is known of any shape
+    for _ in range(4):
+        replayed._answer((torch.rand(3, 3),))
+    assert recorded == [5, 4, 3, 3]
+
+
+def test_what_cannot_be_recorded_is_seen_in_a_call():
+    for function, obstacle in (
+        (lambda rows: rows * float(rows.sum()), "_local_scalar_dense"),
+        (lambda rows: rows[rows > 0], "index"),
+        (lambda rows: rows.nonzero(), "nonzero"),
+        (lambda rows: rows[torch.tensor([0, 1])], ""),
+        (lambda rows: rows.relu(), ""),
+        (lambda rows: rows.to("meta"), "_to_copy"),
+    ):
+        with _Scout() as scout:
+            function(torch.ones(3))
+        assert scout.obstacle == obstacle
