@@ -14,7 +14,7 @@ from nat2024.networks.folding import Derived
 _CALLS_BEFORE = 3
 """Calls of the first shape before it is recorded, in which kernels are chosen.
 
-The second shape takes 4 times as many, the third 9 times: a recording costs some tenths of a second,
+The second shape takes 4 times as many, the third 9 times: a recording costs more than a few calls,
 and batches that get smaller, sequence by sequence, would not pay for theirs.
 """
 
