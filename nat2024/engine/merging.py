@@ -1,9 +1,11 @@
 """Bringing results together that were made apart: shards, machines, people."""
 
 import logging
+import re
 from collections import defaultdict
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 
 import msgspec
@@ -16,6 +18,8 @@ from nat2024.store import Manifest, RunFolder, setting_differences
 
 log = logging.getLogger("nat2024")
 
+_SHARD = re.compile(r"(?P<number>[0-9]{1,9})/(?P<count>[0-9]{1,9})")
+_SHOWN = 5
 _DATASET_PARTS = (
     "name",
     "lenient",
@@ -106,18 +110,23 @@ def merge_results(
 def _missing(manifest: Manifest, folder: RunFolder) -> list[str]:
     """What is not there and was to be there: whole shards, and sequences that were begun."""
     lines = []
-    shards = {session.shard for session in manifest.sessions}
-    counts = {shard.partition("/")[2] for shard in shards}
-    if len(counts) == 1 and "" not in counts:  # all of them parts of one division
-        [count] = counts
-        absent = [str(n) for n in range(1, int(count) + 1) if f"{n}/{count}" not in shards]
-        if absent:
-            lines.append(f"without shard {', '.join(absent)} of {count}")
+    shards = [_SHARD.fullmatch(session.shard) for session in manifest.sessions]
+    counts = {shard and int(shard["count"]) for shard in shards}
+    if len(counts) == 1 and (count := counts.pop()):  # all of them parts of one division
+        there = {int(shard["number"]) for shard in shards if shard}
+        # Lazily: a manifest may claim to be one of a thousand million shards.
+        absent = (str(number) for number in range(1, count + 1) if number not in there)
+        some = list(islice(absent, _SHOWN + 1))
+        if some:
+            lines.append(f"without shard {_few(some)} of {count}")
     left = sorted({*manifest.starts} - {*manifest.failures} - {*folder.finished()})
     if left:
-        shown = ", ".join(left[:5]) + (", ..." if len(left) > 5 else "")
-        lines.append(f"begun and not finished: {shown}")
+        lines.append(f"begun and not finished: {_few(left)}")
     return lines
+
+
+def _few(names: list[str]) -> str:
+    return ", ".join(names[:_SHOWN]) + (", ..." if len(names) > _SHOWN else "")
 
 
 def _parts(source: Path) -> dict[str, _Part]:

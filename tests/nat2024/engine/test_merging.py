@@ -145,6 +145,24 @@ def test_what_is_missing_is_named(
     assert report.incomplete == (f"night_clip/still: begun and not finished: {name}",)
 
 
+@pytest.mark.parametrize(
+    ("claimed", "told"),
+    [
+        ("1/x", ()),
+        ("1/0", ()),
+        ("3/1e9", ()),
+        ("1/999999999", ("night_clip/still: without shard 2, 3, 4, 5, 6, ... of 999999999",)),
+    ],
+)
+def test_manifests_of_strangers_claim_any_shard(
+    night_clip: Path, tmp_path: Path, claimed: str, told: tuple[str, ...]
+) -> None:
+    dataset = nat2024.load_dataset(night_clip)
+    run_benchmark(combine(["still"], ["none"]), dataset, tmp_path / "theirs", shard=claimed)
+    report = merge_results([tmp_path / "theirs"], tmp_path / "merged")
+    assert (report.copied, report.incomplete) == (3, told)
+
+
 def test_shards_that_overlap_must_agree(night_clip: Path, tmp_path: Path) -> None:
     dataset = nat2024.load_dataset(night_clip)
     for number, count in ((1, 2), (2, 2), (1, 3)):
