@@ -43,7 +43,7 @@ def in_fresh_process(
 ) -> dict[str, float]:
     """What `script --job JOB` prints; NaN for both sides where it took too long or died."""
     command = [sys.executable, str(script), "--job", json.dumps(job)]
-    environment = {**os.environ, "OMP_NUM_THREADS": str(threads)}
+    environment = {"OMP_WAIT_POLICY": "PASSIVE", **os.environ, "OMP_NUM_THREADS": str(threads)}
     try:
         done = subprocess.run(
             command, env=environment, stdout=subprocess.PIPE, timeout=limit, check=True, text=True

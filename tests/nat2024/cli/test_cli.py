@@ -1,6 +1,7 @@
 """The command line as a user meets it: outputs, exit statuses, one line for each mistake."""
 
 import json
+import os
 import shutil
 from pathlib import Path
 from typing import Any
@@ -8,6 +9,7 @@ from typing import Any
 import pytest
 
 from nat2024 import list_trackers
+from nat2024.cli import main
 
 
 @pytest.fixture
@@ -429,3 +431,13 @@ def test_without_a_dataset_the_sample_is_taken(
     assert "no --dataset given, taking the sample night_mini" in err
     assert "6 sequences" in out
     assert len(list((results / "night_mini" / "still").glob("*.txt"))) == 6
+
+
+def test_threads_wait_idly_unless_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("OMP_WAIT_POLICY", "")
+    monkeypatch.delenv("OMP_WAIT_POLICY")
+    for wanted in ("PASSIVE", "ACTIVE"):
+        with pytest.raises(SystemExit):
+            main(["--version"])
+        assert os.environ["OMP_WAIT_POLICY"] == wanted
+        monkeypatch.setenv("OMP_WAIT_POLICY", "ACTIVE")
