@@ -1,7 +1,7 @@
 """A plugin's network as ONNX files for other programs, each held against PyTorch."""
 
-import contextlib
 import hashlib
+import importlib.util
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from nat2024.backends.parts import TOLERANCES, Part, as_tuple
 from nat2024.backends.runtimes import is_installed, open_session
-from nat2024.errors import BackendMismatch
+from nat2024.errors import BackendMismatch, UsageError
 from nat2024.files import write_atomic
 
 if TYPE_CHECKING:
@@ -58,7 +58,11 @@ def write_onnx(
     Raises:
         BackendMismatch: a part cannot be exported, or gives other numbers.
         Unwritable: the file system refuses.
+        UsageError: what the export needs is not installed.
     """
+    if importlib.util.find_spec("onnx") is None:
+        msg = "the export needs onnx: pip install 'nat-bench[onnx]'"
+        raise UsageError(msg)
     return [
         _write(module, key, part, inputs, folder / f"{name}-{key}.onnx")
         for key, (part, inputs) in parts.items()
@@ -82,12 +86,12 @@ def _write(
     for dynamic in (True, False) if part.dynamic else (False,):
         try:
             raw = export_onnx(module, part.run, inputs, dynamic=dynamic)
-        except Exception as error:  # the exporter raises errors of many kinds
+            difference = _difference(raw, inputs, wanted)
+        except Exception as error:  # exporter and runtime raise errors of many kinds
             problem = str(error).strip().partition("\n")[0]
             continue
-        write_atomic(path, raw)
-        difference = _difference(path, inputs, wanted)
-        if not difference > TOLERANCES["float32"]:  # NaN: nothing here could check it
+        if difference is None or difference <= TOLERANCES["float32"]:  # NaN is no agreement
+            write_atomic(path, raw)
             return ExportedPart(
                 name,
                 str(path),
@@ -95,30 +99,30 @@ def _write(
                 dynamic,
                 tuple(tuple(one.shape) for one in inputs),
                 tuple(tuple(one.shape) for one in wanted),
-                difference,
+                math.nan if difference is None else difference,
             )
         problem = f"differs from torch by {difference:.1e} of the largest output"
-        with contextlib.suppress(OSError):
-            path.unlink()
     msg = f"{path.name}: cannot be exported to ONNX ({problem})"
     raise BackendMismatch(msg)
 
 
 def _difference(
-    path: Path, inputs: "Sequence[torch.Tensor]", wanted: "Sequence[torch.Tensor]"
-) -> float:
+    raw: bytes, inputs: "Sequence[torch.Tensor]", wanted: "Sequence[torch.Tensor]"
+) -> float | None:
+    """Largest difference from PyTorch; None where nothing here could tell."""
     if not is_installed("onnxruntime", "cpu"):
-        return math.nan
+        return None
     session = open_session(
         "onnxruntime",
-        path,
+        raw,
         device="cpu",
         threads=1,
         precision="float32",
         shapes=[tuple(one.shape) for one in inputs],
     )
     found = session([one.detach().cpu().contiguous().numpy() for one in inputs])
-    return max(
+    away = [
         float(abs(one - other.cpu().numpy()).max()) / max(float(other.abs().max()), 1.0)
         for one, other in zip(found, wanted, strict=True)
-    )
+    ]
+    return math.nan if any(map(math.isnan, away)) else max(away)
