@@ -97,6 +97,8 @@ class Convolution:
             type(maps) is Tensor  # none that only has a shape
             and maps.device.type == "cpu"
             and maps.dtype == torch.float32
+            and not torch.is_autocast_enabled("cpu")  # which computes in fewer digits
+            and len(maps) > 0
             and height * width >= _CELLS
         )
 

@@ -46,6 +46,6 @@ def test_a_file_that_is_not_right_replaces_none(
 
 
 def test_what_the_export_lacks_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    monkeypatch.setattr(importlib.util, "find_spec", lambda _name: None)
     with pytest.raises(UsageError, match=r"pip install 'nat-bench\[onnx\]'"):
         write_onnx(nn.Identity(), {"whole": (Part(abs), [torch.ones(1)])}, tmp_path, "net")

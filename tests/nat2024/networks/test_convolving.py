@@ -108,6 +108,9 @@ def test_only_float32_with_numbers_is_transformed(transformed):
             assert Convolution.of(layer_of())(torch.empty(1, 64, 12, 12)).shape == (1, 64, 10, 10)
         with plain_form():
             Convolution.of(layer_of())(torch.randn(1, 64, 12, 12))
+        with torch.autocast("cpu", torch.bfloat16):
+            assert Convolution.of(layer_of())(torch.randn(1, 64, 12, 12)).dtype == torch.bfloat16
+        assert Convolution.of(layer_of())(torch.empty(0, 64, 12, 12)).shape == (0, 64, 10, 10)
     assert not transformed
 
 
