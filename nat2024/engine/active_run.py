@@ -112,8 +112,8 @@ class ActiveRun:
             manifest.timing = stage_times(self.folder)
             manifest.skipped_frames = self.folder.skipped_frames()
             manifest.other_backends = self.folder.other_backends()
-            failures = {**manifest.failures, **self.failures}
-            manifest.failures = {n: why for n, why in failures.items() if not self.folder.has(n)}
+            finished, failures = {*self.folder.finished()}, {**manifest.failures, **self.failures}
+            manifest.failures = {n: why for n, why in failures.items() if n not in finished}
             for session in manifest.sessions:
                 if session.process == self._session.process:
                     session.finished = timestamp()

@@ -87,6 +87,7 @@ def merge_results(
     for name, manifest in merged.items():
         target = RunFolder(out / name)
         with target.alone():
+            target.write_manifest(manifest)  # first: a merge that is cut off can be done again
             for sequence, source in chosen[name].items():
                 if not target.has(sequence):
                     _copy(sequence, source.folder, target)
@@ -94,8 +95,9 @@ def merge_results(
             manifest.timing = stage_times(target)
             manifest.skipped_frames = target.skipped_frames()
             manifest.other_backends = target.other_backends()
+            finished = {*target.finished()}
             left = manifest.failures.items()
-            manifest.failures = {n: why for n, why in left if not target.has(n)}
+            manifest.failures = {n: why for n, why in left if n not in finished}
             failures += len(manifest.failures)
             incomplete += [f"{name}: {what}" for what in _missing(manifest, target)]
             target.write_manifest(manifest)

@@ -10,8 +10,9 @@ import pytest
 
 import nat2024
 from nat2024.cli import run as nat_bench
-from nat2024.engine import combine, merge_results, run_benchmark, shard
+from nat2024.engine import combine, merge_results, merging, run_benchmark, shard
 from nat2024.errors import DatasetNotFound, ResultConflict
+from nat2024.files import write_atomic
 from nat2024.store import RunFolder
 
 pytestmark = pytest.mark.usefixtures("small_plugins")
@@ -63,6 +64,31 @@ def test_merging_twice_changes_nothing(tmp_path: Path, shards: list[Path]) -> No
     report = merge_results(shards, tmp_path / "merged")
     assert (report.copied, report.present) == (0, 5)
     assert {p: p.read_bytes() for p in (tmp_path / "merged").rglob("*") if p.is_file()} == before
+
+
+def test_a_merge_that_is_cut_off_can_be_done_again(
+    tmp_path: Path, shards: list[Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    merge_results(shards, tmp_path / "whole")
+    for files in range(10):
+        left = [None] * files
+
+        def cut_off(path: Path, raw: bytes, left: list[None] = left) -> None:
+            if not left:
+                raise KeyboardInterrupt
+            left.pop()
+            write_atomic(path, raw)
+
+        out = tmp_path / f"after {files}"
+        with monkeypatch.context() as patched:
+            patched.setattr(merging, "write_atomic", cut_off)
+            with pytest.raises(KeyboardInterrupt):
+                merge_results(shards, out)
+        report = merge_results(shards, out)
+        assert report.copied + report.present == 5
+        assert box_files(out) == box_files(tmp_path / "whole")
+        for run in report.runs:
+            assert RunFolder(out / run).manifest() == RunFolder(tmp_path / "whole" / run).manifest()
 
 
 def change(path: Path, **entries: Any) -> None:
@@ -161,6 +187,24 @@ def test_manifests_of_strangers_claim_any_shard(
     run_benchmark(combine(["still"], ["none"]), dataset, tmp_path / "theirs", shard=claimed)
     report = merge_results([tmp_path / "theirs"], tmp_path / "merged")
     assert (report.copied, report.incomplete) == (3, told)
+
+
+@pytest.mark.parametrize("name", ["a" * 5000, "../../outside", "nul\0"])
+def test_names_of_failures_in_manifests_are_no_paths(
+    night_clip: Path, tmp_path: Path, name: str
+) -> None:
+    (tmp_path / "results").mkdir()
+    outside = tmp_path / "results" / "outside.txt"
+    outside.write_text("1,2,3,4\n")
+    dataset, results = nat2024.load_dataset(night_clip), tmp_path / "results"
+    few = dataset.select(["narrow"])
+    run_benchmark(combine(["still"], ["none"]), few, results)
+    change(results / "night_clip" / "still" / "run.json", failures={name: "why"})
+    assert merge_results([results], tmp_path / "merged").failures == 1
+    run_benchmark(combine(["still"], ["none"]), dataset, results)
+    manifest = RunFolder(results / "night_clip" / "still").manifest()
+    assert manifest is not None
+    assert manifest.failures == {name: "why"}
 
 
 def test_shards_that_overlap_must_agree(night_clip: Path, tmp_path: Path) -> None:
