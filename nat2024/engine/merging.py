@@ -86,6 +86,7 @@ def merge_results(
     incomplete: list[str] = []
     for name, manifest in merged.items():
         target = RunFolder(out / name)
+        target.clean()
         with target.alone():
             target.write_manifest(manifest)  # first: a merge that is cut off can be done again
             for sequence, source in chosen[name].items():
