@@ -240,7 +240,8 @@ def _plan(runs: list[ActiveRun], dataset: Dataset, way: _Way) -> list[Unit]:
         for sequence in dataset
     }
     batches = {run.combination.run: run.wanted.batch for run in runs}
-    at_a_time = 1 if way.in_process else way.workers
+    jobs = sum(map(len, missing.values()))
+    at_a_time = 1 if way.in_process else min(way.workers, max(1, jobs))
     if way.cluster is not None and any(missing.values()):
         from nat2024.engine.cluster import count_places
 
@@ -283,7 +284,8 @@ def _work(
     if not units or way.in_process:
         return run_in_process(units, trackers, progress)
     if way.cluster is None:
-        return run_in_workers(units, way.workers, way.setting, progress)
+        jobs = sum(len(unit.jobs) for unit in units)
+        return run_in_workers(units, min(way.workers, jobs), way.setting, progress)
     from nat2024.engine.cluster import run_on_cluster
 
     expected = {run.combination.run: run.wanted for run in runs}

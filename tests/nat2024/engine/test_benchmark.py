@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 import nat2024
-from nat2024.engine import combine, run_benchmark
+from nat2024.engine import benchmark, combine, planning, run_benchmark
+from nat2024.engine.units import Trackers
+from nat2024.engine.workers import run_in_process
 from nat2024.errors import DatasetIncomplete, ResultConflict, UsageError
 from nat2024.store import RunFolder
 
@@ -293,3 +295,22 @@ def test_threads_are_restored(night_clip: Path, tmp_path: Path) -> None:
     before = torch.get_num_threads()
     run(night_clip, tmp_path, threads=before + 1)
     assert torch.get_num_threads() == before
+
+
+def test_no_more_workers_are_planned_for_than_there_are_jobs(
+    night_clip: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    planned: list[int] = []
+
+    def plan_units(*given: Any, workers: int, **settings: Any) -> Any:
+        planned.append(workers)
+        return planning.plan_units(*given, workers=workers, **settings)
+
+    def run_in_workers(units: Any, workers: int, _setting: Any, progress: Any) -> Any:
+        planned.append(workers)
+        return run_in_process(units, Trackers(), progress)
+
+    monkeypatch.setattr(benchmark, "plan_units", plan_units)
+    monkeypatch.setattr(benchmark, "run_in_workers", run_in_workers)
+    assert run(night_clip, tmp_path, "still still@b", workers=10**6).tracked == 6
+    assert planned == [6, 6]
