@@ -2,6 +2,7 @@
 
 import contextlib
 import logging
+import threading
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextvars import ContextVar
@@ -28,6 +29,9 @@ shape needs an export of its own, and else the session that was opened first is 
 
 _FASTER_FIXED: frozenset[BackendName] = frozenset({"openvino"})
 """What runs a network for one shape faster (a sixth, in bfloat16) and opens it at once."""
+
+_OPENING = threading.RLock()
+"""Of all parts, since one of its own could not be copied or pickled with a plugin."""
 
 _is_all_in_torch: ContextVar[bool] = ContextVar("_is_all_in_torch", default=False)
 
@@ -121,6 +125,16 @@ class CompiledPart:
 
         if self._is_left_to_torch() or _is_all_in_torch.get() or torch.is_grad_enabled():
             return self._in_torch(inputs)
+        with _OPENING:
+            session = self._session(inputs)
+            if session is not None:
+                self.answered[self.backend] += 1
+        return self._in_torch(inputs) if session is None else self._run(session, inputs)
+
+    def _session(self, inputs: "Sequence[torch.Tensor]") -> Session | None:
+        """The session for inputs of these shapes, opened and checked; None leaves it to PyTorch."""
+        import torch
+
         opened = self._opened()
         if self._threads != torch.get_num_threads():
             self._threads = torch.get_num_threads()
@@ -128,16 +142,13 @@ class CompiledPart:
         shapes = tuple(tuple(one.shape) for one in inputs)
         if shapes not in opened.checked:
             if len(opened.checked) >= _MOST_SHAPES and not self._is_dynamic:
-                return self._in_torch(inputs)
-            wanted = self.part.run(*inputs)
-            self._open_checked(opened, inputs, shapes, wanted)
+                return None
+            self._open_checked(opened, inputs, shapes, self.part.run(*inputs))
             if self._is_left_to_torch():
-                self.answered["torch"] += 1
-                return wanted
+                return None
             opened.checked.add(shapes)
             opened.forget_oldest()
-        self.answered[self.backend] += 1
-        return self._run(opened.sessions[self._key(shapes)], inputs)
+        return opened.sessions[self._key(shapes)]
 
     def _in_torch(self, inputs: "Sequence[torch.Tensor]") -> Outputs:
         self.answered["torch"] += 1

@@ -1,6 +1,7 @@
 """Which runtimes there are, and how each opens an ONNX file."""
 
 import importlib.util
+import threading
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any, Literal, TypeAlias, get_args
@@ -206,12 +207,14 @@ def _open_openvino(
             "NUM_STREAMS": 1,
         },
     )
-    request = compiled.create_infer_request()
+    own = threading.local()  # a request that two threads use gives one the other's numbers
     count = len(compiled.outputs)
 
     def run(arrays: Sequence[Array]) -> list[Array]:
+        if not hasattr(own, "request"):
+            own.request = compiled.create_infer_request()
         given = [arrays[place] for place in places]
-        found = request.infer(given, share_inputs=True, share_outputs=False)
+        found = own.request.infer(given, share_inputs=True, share_outputs=False)
         return [np.asarray(found[number]) for number in range(count)]
 
     return run

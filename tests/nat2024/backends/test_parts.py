@@ -1,6 +1,7 @@
 """Parts of networks in other runtimes: the same numbers, and what can go wrong."""
 
 import logging
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -54,6 +55,23 @@ def network() -> Small:
 
 def compiled(network: nn.Module, *backends: str, dynamic: bool = True) -> CompiledPart:
     return CompiledPart(network, "whole", Part(network.forward, dynamic), backends)
+
+
+@pytest.mark.parametrize("backend", RUNTIMES)
+def test_several_threads_get_their_own_numbers(network: Small, backend: str) -> None:
+    part = compiled(network, backend)
+    images = [torch.full((1, 3, 48 + 8 * (n % 2), 64), float(n)) for n in range(4)]
+
+    def differences(first: int) -> list[float]:
+        with torch.no_grad():
+            turns = [images[(first + turn) % 4] for turn in range(40)]
+            return [float((part(one)[0] - network(one)[0]).abs().max()) for one in turns]
+
+    with ThreadPoolExecutor(4) as pool:
+        away = [one for found in pool.map(differences, range(4)) for one in found]
+    assert len(away) == 160
+    assert max(away) < 1e-5
+    assert part.answered == {backend: 160}
 
 
 @pytest.mark.parametrize("backend", RUNTIMES)
