@@ -6,7 +6,8 @@
 An enhancer is measured on one dark frame of the size after its `@`; a tracker on the maps of one
 search crop, template features kept; TRACKER+ENHANCER@WxH on whole updates with frames of that size,
 cropping, enhancing the search crop, the network and decoding together. All sides get fresh weights
-and the same noise and take turns in one process; times are medians. "Plain sum at most" is how many
+and the same noise and take turns, each in a process of its own: ours set up as `nat-bench` sets
+itself up, the plain form as Python begins. Times are medians. "Plain sum at most" is how many
 times as fast as the plain form a network could be that takes every product of its convolutions, at
 the rate at which the processor multiplies matrices. "Away" is the largest difference from our own
 form in torch, in shares of its largest output (of 1 for images, of the box for updates). With
@@ -15,17 +16,21 @@ process are told too, the loading of the runtime included.
 """
 
 import argparse
+import contextlib
 import importlib
 import json
 import math
+import statistics
 import sys
-from collections.abc import Callable, Sequence
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from enhancer_speed import peak_resident_mb
-from side_by_side import in_fresh_process, report, shown, shown_ms, take_turns
+from side_by_side import Side, in_fresh_process, report, serve, shown, shown_ms, take_turns
 
 HERE = Path(__file__).resolve()
 MARKERS = ("<!-- backend table: begin -->", "<!-- backend table: end -->")
@@ -220,24 +225,68 @@ def installed() -> list[str]:
     ]
 
 
-def time_all(network: str, threads: int, repeats: int, seconds: float) -> dict[str, Any]:
-    """Median milliseconds of all sides, and how far they are from the plain one."""
+def answers_of(network: str, threads: int, side: str, folder: str) -> Iterator[dict[str, Any]]:
+    """First what one side gives, kept in `folder`, and what it costs; then milliseconds, endlessly.
+
+    Ours are set up as `nat-bench` sets itself up, and the plain form as nothing at all.
+    """
     import torch
 
+    from nat2024.memory import keep_freed_memory
     from nat2024.networks.macs import count_macs
 
-    known = ["peer", *installed()]
+    if side != "peer":
+        keep_freed_memory()
     with torch.no_grad():
-        sides = {s: call for s, call in sides_of(network, threads).items() if s in known}
-        outputs = {side: _as_tuple(call()) for side, call in sides.items()}
-        away = {side: _away(found, outputs["torch"]) for side, found in outputs.items()}
-        times = take_turns(sides, repeats, seconds)
-        macs = count_macs(sides["torch"])
-    return {
-        "ms": times,
-        "away": {side: away[side] for side in known[1:]},
-        "sum_ms": macs / product_rate(),
-    }
+        [call] = sides_of(network, threads, side).values()
+        torch.save(_as_tuple(call()), Path(folder) / side)
+        yield (
+            {"macs": count_macs(call), "rate": product_rate()} if side == "torch" else {"ready": 1}
+        )
+        while True:
+            start = time.perf_counter()
+            call()
+            yield {"ms": 1000 * (time.perf_counter() - start)}
+
+
+def time_all(
+    network: str, threads: int, *, repeats: int, seconds: float, limit: float
+) -> dict[str, Any]:
+    """Median milliseconds of all sides, and how far they are from ours in torch."""
+    job = {"network": network, "threads": threads}
+    with contextlib.ExitStack() as stack:
+        folder = stack.enter_context(tempfile.TemporaryDirectory())
+        sides = {}
+        for name in ["peer", *installed()]:
+            side = Side(HERE, {**job, "side": name, "folder": folder}, threads=threads)
+            stack.callback(side.end)
+            sides[name] = side
+        ready = {name: side.ask(limit) for name, side in sides.items()}
+        sides = {name: side for name, side in sides.items() if ready[name]}
+        times = _turns(sides, repeats, seconds, limit)
+        away = _differences(Path(folder), [name for name in sides if name != "peer"])
+    cost = ready["torch"]
+    sum_ms = cost["macs"] / cost["rate"] if cost else math.nan
+    return {"ms": times, "away": away, "sum_ms": sum_ms}
+
+
+def _turns(sides: dict[str, Side], repeats: int, seconds: float, limit: float) -> dict[str, float]:
+    """Median milliseconds; the first round warms up, and counts only where there is no other."""
+    times: dict[str, list[float]] = {name: [] for name in sides}
+    begin = time.perf_counter()
+    for round_ in range(repeats + 1):
+        if round_ and time.perf_counter() - begin > seconds:
+            break
+        for name, side in sides.items():
+            times[name].append(side.ask(limit).get("ms", math.nan))
+    return {name: statistics.median(all_[1:] or all_) for name, all_ in times.items()}
+
+
+def _differences(folder: Path, names: Sequence[str]) -> dict[str, float]:
+    import torch
+
+    kept = {name: torch.load(folder / name, weights_only=True) for name in names}
+    return {name: _away(found, kept["torch"]) for name, found in kept.items() if "torch" in kept}
 
 
 def product_rate() -> float:
@@ -275,8 +324,7 @@ def measure(
 ) -> Measured:
     """One line, each side of it in the same fresh process; memory in one a side."""
     job = {"network": network, "threads": threads}
-    timing = {**job, "repeats": repeats, "seconds": seconds}
-    found: Any = in_fresh_process(HERE, timing, threads=threads, limit=limit)
+    found = time_all(network, threads, repeats=repeats, seconds=seconds, limit=limit)
     megabytes = {}
     for side in ["peer", *installed()] if memory else []:
         told = in_fresh_process(HERE, {**job, "side": side}, threads=threads, limit=limit)
@@ -284,10 +332,10 @@ def measure(
     return Measured(
         network,
         threads,
-        ms=found.get("ms", {"peer": math.nan}),
-        away=found.get("away", {}),
+        ms={"peer": math.nan, **found["ms"]},
+        away=found["away"],
         mb=megabytes,
-        sum_ms=found.get("sum_ms", math.nan),
+        sum_ms=found["sum_ms"],
     )
 
 
@@ -305,9 +353,10 @@ def main() -> None:
     parser.add_argument("--job", type=json.loads, help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.job:
-        print(
-            json.dumps(added_memory(**given.job) if "side" in given.job else time_all(**given.job))
-        )
+        if "folder" in given.job:
+            serve(answers_of(**given.job))
+        else:
+            print(json.dumps(added_memory(**given.job)))
         return
     results = []
     for network in given.networks.split(","):

@@ -7,8 +7,9 @@ import platform
 import statistics
 import subprocess
 import sys
+import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +37,51 @@ def take_turns(
             call()
             times[side].append(1000 * (time.perf_counter() - start))
     return {side: statistics.median(all_[1:] or all_) for side, all_ in times.items()}
+
+
+class Side:
+    """What one side computes, in a process of its own that computes when it is asked.
+
+    So each side has the memory and the threads that it has alone, as set up by its own program.
+    """
+
+    def __init__(self, script: Path, job: Mapping[str, Any], *, threads: int) -> None:
+        """Start `script --job JOB`, which calls `serve`."""
+        environment = {"OMP_WAIT_POLICY": "PASSIVE", **os.environ, "OMP_NUM_THREADS": str(threads)}
+        self._process = subprocess.Popen(
+            [sys.executable, str(script), "--job", json.dumps(job)],
+            env=environment,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+
+    def ask(self, limit: float) -> dict[str, Any]:
+        """The next answer, empty where there is none within `limit` seconds or ever."""
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        watch = threading.Timer(limit, self._process.kill)
+        watch.start()
+        try:
+            self._process.stdin.write("\n")
+            self._process.stdin.flush()
+            answer: dict[str, Any] = json.loads(self._process.stdout.readline() or "{}")
+        except BrokenPipeError:
+            return {}
+        finally:
+            watch.cancel()
+        return answer
+
+    def end(self) -> None:
+        """End the process."""
+        self._process.kill()
+        self._process.communicate()
+
+
+def serve(answers: Iterator[Mapping[str, Any]]) -> None:
+    """Print the next of these, as JSON, for each line on standard input."""
+    for _ in sys.stdin:
+        print(json.dumps(next(answers)), flush=True)
 
 
 def in_fresh_process(

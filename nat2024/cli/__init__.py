@@ -12,6 +12,7 @@ import click
 
 from nat2024.cli.groups import Verbs
 from nat2024.cli.terminal import harmless_terminal
+from nat2024.memory import keep_freed_memory
 
 _VERBS = {
     "run": "Track a dataset with every tracker and enhancer named.",
@@ -58,6 +59,7 @@ def main(args: Sequence[str] | None = None) -> None:
     # Read when torch is loaded. Threads that wait busily keep those of another runtime, or of
     # another program, from computing: with two threads a frame then takes ten times as long.
     os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
+    keep_freed_memory()
     sys.exit(run(args))
 
 

@@ -1,13 +1,12 @@
 """The trackers that a worker keeps: those of its last units, not all that ever passed through."""
 
-import contextlib
-import ctypes
 import gc
 from collections.abc import Sequence
 
 from nat2024.engine.plan import Combination
 from nat2024.engine.planning import TOGETHER
 from nat2024.engine.units import Trackers
+from nat2024.memory import return_freed_memory
 
 
 class KeptTrackers(Trackers):
@@ -48,11 +47,10 @@ class KeptTrackers(Trackers):
 def _return_memory() -> None:
     """Networks refer to themselves in circles, and both torch and the C library keep what is free.
 
-    Without `malloc_trim` a worker that gives networks up and builds others holds more and more.
+    Where nothing was returned, a worker that builds one network after another would grow and grow.
     """
     gc.collect()
     import torch
 
     torch.cuda.empty_cache()  # nothing where CUDA was never used
-    with contextlib.suppress(AttributeError, OSError, TypeError):  # another C library than GNU's
-        ctypes.CDLL(None).malloc_trim(0)
+    return_freed_memory()

@@ -27,6 +27,7 @@ from nat2024.engine.planning import TOGETHER
 from nat2024.engine.reporting import Throttled
 from nat2024.engine.units import Job, Outcome, Progress, Trackers, Unit
 from nat2024.errors import NatBenchError, UsageError
+from nat2024.memory import keep_freed_memory
 from nat2024.registry import load_plugin_file
 
 DIED = "its worker process died (out of memory or a crashed library)"
@@ -325,6 +326,7 @@ def prepare_process(setting: Setting) -> None:
     import cv2
     import torch
 
+    keep_freed_memory()
     torch.set_num_threads(setting.threads)
     cv2.setNumThreads(setting.threads)
     for source in setting.plugins:

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, cast
 
-from nat2024.backends import Part
+from nat2024.backends import TORCH_FIRST, Part
 from nat2024.cards import read_card
 from nat2024.errors import InvalidOption
 from nat2024.interfaces import NeuralEnhancer
@@ -27,6 +27,7 @@ class LDEnhancer(NeuralEnhancer):
     """
 
     card = read_card("nat2024_enhancers.ldenhancer")
+    fastest_backends = TORCH_FIRST
     stride = 16
     can_replay = True
     training_settings = LDEnhancerSettings()
