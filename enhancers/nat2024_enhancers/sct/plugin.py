@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING, Any, Literal, cast
 
-from nat2024.backends import TORCH_FIRST
+from nat2024.backends import ONNXRUNTIME_FIRST
 from nat2024.cards import read_card
 from nat2024.interfaces import NeuralEnhancer
 from nat2024.registry import register_enhancer
@@ -23,7 +23,7 @@ class SCT(NeuralEnhancer):
 
     card = read_card("nat2024_enhancers.sct")
     can_replay = True
-    fastest_backends = TORCH_FIRST
+    fastest_backends = ONNXRUNTIME_FIRST
 
     def __init__(self, *, statistics: Literal["running", "image"] = "running", **base: Any) -> None:
         """Build the network and load its weights; `base` as in `NeuralEnhancer`.
