@@ -39,9 +39,13 @@ class KeptTrackers(Trackers):
 
     def clear(self) -> None:
         """Give up all."""
+        plugins = [*self._made.values(), *(enhancer for enhancer, _ in self._enhancers.values())]
+        had_networks = any(getattr(plugin, "model", None) is not None for plugin in plugins)
+        del plugins
         for kept in (self._used, self._made, self._enhancers):
             kept.clear()
-        _return_memory()
+        if had_networks:  # collecting takes half a second in which no thread does anything else
+            _return_memory()
 
 
 def _return_memory() -> None:

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 import nat2024
-from nat2024.engine import combine, run_benchmark
+from nat2024.engine import combine, kept_trackers, run_benchmark
 from nat2024.engine import workers as crew
 from nat2024.engine.kept_trackers import KeptTrackers
 from nat2024.engine.lockstep import Reading
@@ -143,6 +143,19 @@ def test_a_worker_keeps_the_trackers_of_its_last_units() -> None:
     wide.make_room(chosen[3:])
     assert [wide.has(one) for one in chosen] == [False, False, False, True]
     assert set(wide._enhancers) == {"gamma"}
+
+
+def test_memory_is_returned_where_networks_were_kept(monkeypatch: Any) -> None:
+    returned: list[bool] = []
+    monkeypatch.setattr(kept_trackers, "_return_memory", lambda: returned.append(True))
+    for tracker, count in (("still", 0), ("siamrpnpp", 1)):
+        kept = KeptTrackers()
+        [chosen] = combine([tracker], ["none"])
+        kept.make_room([chosen])
+        kept.get(chosen)
+        kept.clear()
+        assert not kept.has(chosen)
+        assert len(returned) == count
 
 
 def test_threads_of_linear_algebra_are_set_for_workers_only(monkeypatch: Any) -> None:
