@@ -104,7 +104,7 @@ def sides_of(network: str, threads: int, only: str = "") -> dict[str, Callable[[
 
 
 def plain_form(name: str) -> Any:
-    """The network of `peers/`, with the fresh weights that all sides get."""
+    """The network of `peers/`, with fresh weights."""
     import torch
 
     torch.manual_seed(0)

@@ -31,6 +31,7 @@ class KeptTrackers(Trackers):
         for run in old:
             del self._used[run]
             self._made.pop(run, None)
+            self._asked.pop(run, None)
         titles = {one.enhancer.title for one in self._used.values() if one.enhancer}
         for title in self._enhancers.keys() - titles:
             del self._enhancers[title]
@@ -42,7 +43,7 @@ class KeptTrackers(Trackers):
         plugins = [*self._made.values(), *(enhancer for enhancer, _ in self._enhancers.values())]
         had_networks = any(getattr(plugin, "model", None) is not None for plugin in plugins)
         del plugins
-        for kept in (self._used, self._made, self._enhancers):
+        for kept in (self._used, self._made, self._asked, self._enhancers):
             kept.clear()
         if had_networks:  # collecting takes half a second in which no thread does anything else
             _return_memory()

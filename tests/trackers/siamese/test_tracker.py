@@ -119,6 +119,16 @@ def test_a_twin_has_the_network_and_nothing_else(clip, follow):
     )
 
 
+def test_a_twin_answers_for_itself():
+    tracker = Simple()
+    tracker._parts["match"].answered["openvino"] += 3
+    twin = tracker.twin(None)
+    assert tracker.answered == {"openvino": 3}
+    assert not twin.answered
+    twin._parts["match"].answered["torch"] += 1
+    assert twin.answered == {"torch": 1}
+
+
 def test_it_follows_what_its_network_sees(clip):
     frames, box = clip
     tracker = Simple()

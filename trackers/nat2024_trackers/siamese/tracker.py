@@ -116,6 +116,7 @@ class SiameseTracker(Tracker):
         self._parts = compile_parts(
             self.model, self.parts(), backends, device=device, precision=precision
         )
+        self._answered_before: Counter[BackendName] = Counter()
         self._compiled = _PartedNetwork(self._parts)
         self._replayed: tuple[Any, _PartedNetwork] | None = None
         self.decoder = decoder
@@ -130,6 +131,7 @@ class SiameseTracker(Tracker):
         _ = self.network  # what replays it is shared as well
         other = copy.copy(self)
         other.enhancer = enhancer
+        other._answered_before = self._all_answered()
         other.forget()
         return other
 
@@ -158,7 +160,13 @@ class SiameseTracker(Tracker):
 
     @property
     def answered(self) -> "Counter[BackendName]":
-        """How many calls of parts of the network each backend has answered."""
+        """How many calls of parts of the network each backend has answered for this tracker.
+
+        Those of twins that are on their way meanwhile count too: their network is the same.
+        """
+        return self._all_answered() - self._answered_before
+
+    def _all_answered(self) -> "Counter[BackendName]":
         return sum((part.answered for part in self._parts.values()), Counter())
 
     def parts(self) -> dict[str, Part]:
